@@ -1,0 +1,198 @@
+"""A CANopen node: heartbeat, NMT, SDO; setpoint and switch in (RPDO 1), state of the cruise control out (TPDO 1).
+
+The library's protocol machines, without its threads: frames are handed in, `tick` gives what is to be sent, time is an
+argument. Raw values are 0.001 m/s and 0.05 mA a bit; 0xFFFF, 0x8000 and 0xFF are "not available".
+
+A master starts the node (NMT start): before that, and after NMT stop, PDOs are neither taken nor sent. NMT stop asks
+for neutral (`neutral_requested`).
+
+Sources: CiA 301 4.2, 7.2.8 (NMT, heartbeat), 7.2.2 (PDO), 7.2.4 (SDO); the objects are described in config/cruise.eds.
+"""
+
+import configparser
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Final
+
+import canopen
+import msgspec
+from canopen.network import PeriodicMessageTask
+from canopen.objectdictionary import ODVariable
+
+from cruise.can.frame import Frame
+from cruise.settings import SettingsError
+from cruise.signals import SIGNALS, Reading
+
+NMT_ID: Final = 0x000
+SDO_REQUEST_ID: Final = 0x600
+NMT_COMMANDS: Final = {1, 2, 128, 129, 130}  # start, stop, enter pre-operational, reset node, reset communication
+STATUS: Final = {  # TPDO object: scale in its unit per bit, lowest and highest raw value, raw value for "not available"
+    "ground_speed_mps": (0.001, -32767, 32767, -32768),
+    "followed_setpoint_mps": (0.001, 0, 0xFAFF, 0xFFFF),
+    "pump_current_ma": (0.05, -32767, 32767, -32768),
+    "engagement_state": (1.0, 0, 0xFA, 0xFF),
+}
+COMMANDS: Final = {"setpoint_mps": 0.001, "cruise_enable": 1.0}  # RPDO object: scale in its unit per bit
+
+
+class CanopenSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Where the node is on the bus."""
+
+    node_id: Annotated[int, msgspec.Meta(ge=1, le=127)] = 17  # CiA 301: 1..127, unique on the bus
+
+
+@dataclass(frozen=True, slots=True)
+class NodeStatus:
+    """What the node tells of the cruise control; NaN: not available."""
+
+    ground_speed_mps: float
+    followed_setpoint_mps: float
+    pump_current_ma: float
+    engagement_state: float  # 0 off, 1 standby, 2 engaged, 3 fault
+
+
+class _Task(PeriodicMessageTask):
+    """A message that the library wants sent periodically; `_Network.tick` does it instead of a thread."""
+
+    def _start(self) -> None:
+        self.next_s = -math.inf
+        self.running = True
+
+    def stop(self) -> None:
+        self.running = False
+
+    def update(self, data: bytes) -> None:
+        self.msg.data = bytearray(data)
+
+
+class _Network(canopen.Network):
+    """The library's network without a bus: what it sends is collected in `outbox`, with the time `now_s`."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.now_s = 0.0
+        self.outbox: list[Frame] = []
+        self.tasks: list[_Task] = []
+
+    def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
+        self.outbox.append(_frame(can_id, data, self.now_s))
+
+    def send_periodic(self, can_id: int, data: bytes, period: float, remote: bool = False) -> PeriodicMessageTask:
+        task = _Task(can_id, data, period, None, remote)
+        self.tasks.append(task)
+        return task
+
+    def tick(self) -> None:
+        """Send what is due."""
+        self.tasks = [task for task in self.tasks if task.running]
+        for task in self.tasks:
+            if self.now_s >= task.next_s:
+                task.next_s = _next(task.next_s, task.period, self.now_s)
+                self.send_message(task.msg.arbitration_id, bytes(task.msg.data))
+
+
+class CanopenNode:
+    """The node: `receive` every frame of the bus, `tick` at any rate of 10 Hz or more and send what it returns."""
+
+    def __init__(self, dictionary: canopen.ObjectDictionary, settings: CanopenSettings) -> None:
+        self._network = _Network()
+        self._node = canopen.LocalNode(settings.node_id, dictionary)
+        self._network[settings.node_id] = self._node
+        self._node.rpdo.read()
+        self._node.tpdo.read()
+        self._node.add_write_callback(self._written)
+        self._shortest = {NMT_ID: 2, SDO_REQUEST_ID + settings.node_id: 8}
+        self._rpdo = self._node.rpdo[1]
+        self._tpdo = self._node.tpdo[1]
+        self._readings: list[Reading] = []
+        self._status_due_s = -math.inf
+
+    @classmethod
+    def load(cls, path: str | Path, settings: CanopenSettings) -> "CanopenNode":
+        """Read the EDS file at `path`. Raises SettingsError where it is none or lacks an object."""
+        try:
+            node = cls(canopen.import_od(str(path), settings.node_id), settings)
+        except OSError as error:
+            raise SettingsError(f"{path}: cannot be read: {error.strerror}") from error
+        except (configparser.Error, ValueError, LookupError, canopen.SdoAbortedError) as error:
+            raise SettingsError(f"{path}: not an EDS file that can be used: {error}; see config/cruise.eds") from error
+        for names, pdo in ((COMMANDS, node._rpdo), (STATUS, node._tpdo)):
+            missing = names.keys() - {variable.name for variable in pdo}
+            if missing:
+                raise SettingsError(f"{path}: {', '.join(sorted(missing))} not mapped in {pdo.name}; map it")
+        return node
+
+    @property
+    def state(self) -> str:
+        """NMT state: INITIALISING, PRE-OPERATIONAL, OPERATIONAL or STOPPED."""
+        return self._node.nmt.state
+
+    @property
+    def neutral_requested(self) -> bool:
+        """Whether a master stopped the node."""
+        return self.state == "STOPPED"
+
+    def receive(self, frame: Frame) -> tuple[Reading, ...]:
+        """Take any frame in and return what it sets, NaN where it says "not available"; never raises."""
+        if frame.is_extended_id or frame.is_error_frame or frame.is_remote_frame or not self._concerns(frame):
+            return ()
+        self._network.now_s = frame.timestamp
+        self._network.notify(frame.arbitration_id, frame.data, frame.timestamp)
+        if frame.arbitration_id == self._rpdo.cob_id:
+            for variable in self._rpdo:
+                self._node.set_data(variable.index, variable.subindex, variable.data)
+        readings, self._readings = tuple(self._readings), []
+        return readings
+
+    def tick(self, now_s: float, status: NodeStatus) -> list[Frame]:
+        """Return what is to be sent at `now_s`: boot-up, heartbeat, status, answers to what was received."""
+        self._network.now_s = now_s
+        if self.state == "INITIALISING":
+            self._node.nmt.state = "INITIALISING"  # sends the boot-up message
+            self._node.nmt.state = "PRE-OPERATIONAL"
+        self._network.tick()
+        if now_s >= self._status_due_s:
+            self._status_due_s = _next(self._status_due_s, (self._tpdo.event_timer or 100) / 1000.0, now_s)
+            self._publish(status)
+        frames, self._network.outbox = self._network.outbox, []
+        return frames
+
+    def _concerns(self, frame: Frame) -> bool:
+        if frame.arbitration_id == self._rpdo.cob_id:
+            return self.state == "OPERATIONAL" and len(frame.data) * 8 >= self._rpdo.length
+        if len(frame.data) < self._shortest.get(frame.arbitration_id, math.inf):
+            return False
+        if frame.arbitration_id == NMT_ID:
+            return frame.data[0] in NMT_COMMANDS
+        return self.state != "STOPPED"
+
+    def _written(self, od: ODVariable, data: bytes, **_: object) -> None:
+        scale = COMMANDS.get(od.name)
+        if scale is not None:
+            value = int.from_bytes(data, "little") * scale  # both are unsigned
+            signal = SIGNALS[od.name]
+            if not signal.low <= value <= signal.high:
+                value = math.nan
+            self._readings.append(Reading(od.name, self._network.now_s, value))
+
+    def _publish(self, status: NodeStatus) -> None:
+        for variable in self._tpdo:
+            variable.raw = _raw(variable.name, getattr(status, variable.name))
+            self._node.set_data(variable.index, variable.subindex, variable.data)
+        if self.state == "OPERATIONAL":
+            self._tpdo.transmit()
+
+
+def _raw(name: str, value: float) -> int:
+    scale, low, high, not_available = STATUS[name]
+    raw = value / scale
+    return round(raw) if low <= raw <= high else not_available
+
+
+def _next(due_s: float, period_s: float, now_s: float) -> float:
+    return due_s + period_s if due_s + period_s > now_s else now_s + period_s
+
+
+def _frame(can_id: int, data: bytes, time_s: float) -> Frame:
+    return Frame(timestamp=time_s, arbitration_id=can_id, is_extended_id=False, data=data, is_rx=False)

@@ -1,0 +1,38 @@
+"""The command line: one verb a file, each thin. `main` is the entry point."""
+
+import sys
+from importlib import import_module
+
+import typer
+
+VERBS = ("demo", "run", "plant", "record", "replay")
+"""Every verb is the function of its name in the module of its name, imported when it is called for: start-up counts."""
+
+
+def main() -> None:
+    """Run one verb; mistakes of the user end with one clear line and exit code 2."""
+    # Imported here: these pull in the settings, and with --help nobody waits for more than that.
+    from cruise.can.bus import BusLostError
+    from cruise.can.log import LogError
+    from cruise.identification.least_squares import FitError
+    from cruise.recording import RecordingError
+    from cruise.settings import SettingsError
+
+    app = typer.Typer(
+        help="Cruise control for combine harvesters: learn the drive while driving, drive with what was learned.",
+        no_args_is_help=True,
+        add_completion=False,
+        pretty_exceptions_enable=False,
+    )
+    wanted = next((word for word in sys.argv[1:] if word in VERBS), None)
+    for verb in VERBS if wanted is None else (wanted,):
+        app.command(verb)(getattr(import_module(f"cruise.cli.{verb}"), verb))
+    app.callback()(lambda: None)  # one registered verb must not become the whole program
+    try:
+        app()
+    except (SettingsError, RecordingError, LogError, FitError) as error:
+        print(f"cruise: {error}", file=sys.stderr)
+        sys.exit(2)
+    except BusLostError as error:
+        print(f"cruise: {error}", file=sys.stderr)
+        sys.exit(3)

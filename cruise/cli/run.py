@@ -1,0 +1,66 @@
+"""`cruise run`: the service on a bus."""
+
+import signal
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cruise.can.bus import open_bus
+from cruise.can.codec import Codec
+from cruise.cli.places import CONFIG
+from cruise.model import files
+from cruise.service import settings as service_settings
+from cruise.service.cruise_node import CruiseNode
+from cruise.service.loop import Lateness, serve
+
+
+class Running:
+    """True until a signal asks to stop."""
+
+    def __init__(self) -> None:
+        self.stopped = False
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._stop)
+
+    def _stop(self, number: int, frame: object) -> None:
+        self.stopped = True
+
+    def __call__(self) -> bool:
+        """Whether to go on."""
+        return not self.stopped
+
+
+def run(
+    config: Annotated[Path, typer.Argument(help="Settings of the service.")] = CONFIG / "cruise.yaml",
+    quiet: Annotated[bool, typer.Option(help="No line of status every 10 s.")] = False,
+) -> None:
+    """Run the cruise control on the bus until it is stopped; the last command is neutral."""
+    settings = service_settings.load(config)
+    node = CruiseNode(settings, files.load(settings.model), Codec.load(settings.database, settings.can))
+    lateness, running = Lateness(), Running()
+    lines_at_s = 0.0
+
+    def each_tick(now_s: float) -> None:
+        nonlocal lines_at_s
+        if quiet or now_s < lines_at_s:
+            return
+        lines_at_s = now_s + 10.0
+        status = node.status(now_s)
+        print(
+            f"{now_s:8.1f} s  {status.state}  speed {status.speed_mps:.2f} m/s  setpoint {status.setpoint_mps:.2f} m/s"
+            f"  gate {status.gate}  missing: {', '.join(status.missing) or 'nothing'}",
+            flush=True,
+        )
+
+    with open_bus(settings.can) as bus:
+        print(f"cruise: on {settings.can.bus} {settings.can.channel}, command every {node.period_s} s", flush=True)
+        now_s = serve(node, bus, running, each_tick, lateness)
+        for frame in node.stop(now_s):
+            bus.send(frame)
+    print(
+        f"cruise: stopped, neutral sent; ticks late by p50 {lateness.quantile_ms(0.5):.1f}, "
+        f"p99 {lateness.quantile_ms(0.99):.1f}, max {lateness.worst_ms:.1f} ms; {lateness.missed} left out",
+        file=sys.stderr,
+    )

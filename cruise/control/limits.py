@@ -1,0 +1,47 @@
+"""The last word on every current that leaves: range, rate, and nothing that is not a number.
+
+It knows nothing of model, setpoint or engagement. Python on Linux is not the safety layer of a machine; this is the
+last layer of this program.
+"""
+
+import math
+
+import msgspec
+
+
+class LimitSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What the pump may be asked for."""
+
+    current_min_ma: float = 0.0  # mA, the cruise control never reverses
+    current_max_ma: float = 1200.0  # mA, the solenoid's rating (12 V proportional control)
+    rate_max_ma_per_s: float = 600.0  # mA/s, full stroke in 2 s
+
+
+class Limits:
+    """`last_ma` is all its state: what was sent last."""
+
+    def __init__(self, settings: LimitSettings) -> None:
+        self.settings = settings
+        self.last_ma = 0.0
+
+    def neutral(self) -> float:
+        """Neutral, at once: an exit is never slowed down here."""
+        self.last_ma = 0.0
+        return 0.0
+
+    def take_over(self, current_ma: float) -> None:
+        """The current that flows when the controller takes over, from which the rate counts."""
+        self.last_ma = self._inside(current_ma)
+
+    def step(self, wanted_ma: float, dt_s: float) -> float:
+        """The current that may be sent now. Not a number gives neutral."""
+        if not math.isfinite(wanted_ma):
+            return self.neutral()
+        reach = self.settings.rate_max_ma_per_s * dt_s
+        self.last_ma = self._inside(min(max(wanted_ma, self.last_ma - reach), self.last_ma + reach))
+        return self.last_ma
+
+    def _inside(self, current_ma: float) -> float:
+        if not math.isfinite(current_ma):
+            return 0.0
+        return min(max(current_ma, self.settings.current_min_ma), self.settings.current_max_ma)

@@ -1,0 +1,55 @@
+"""The reference: the setpoint as a machine can follow it, with bounded acceleration and jerk.
+
+    |dv/dt| <= A,   |d2v/dt2| <= J,   dv/dt -> sign(e) min(A, sqrt(J |e|))   with e = setpoint - v
+
+The square root is the acceleration from which half the allowed jerk still brings v to the setpoint without passing it
+(with jerk J the remaining way would be a^2 / 2 J; a^2 / J leaves a margin). Time is an argument.
+"""
+
+import math
+
+import msgspec
+
+
+class ReferenceSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """How briskly the machine may be asked to change its speed."""
+
+    accel_mps2: float = 0.6  # m/s2, below the limit of 1.0, which is kept for disturbances
+    jerk_mps3: float = 1.2  # m/s3, comfortable for a standing person (ISO 2631-1 speaks of 0.5 to 2)
+
+
+class Reference:
+    """Follows the setpoint: `speed_mps` and `accel_mps2` are all its state."""
+
+    def __init__(self, settings: ReferenceSettings) -> None:
+        self.settings = settings
+        self.speed_mps = 0.0
+        self.accel_mps2 = 0.0
+
+    def reset(self, speed_mps: float, accel_mps2: float = 0.0) -> None:
+        """Begin from the machine's own motion, so that engaging doesn't jerk."""
+        limit = self.settings.accel_mps2
+        self.speed_mps, self.accel_mps2 = speed_mps, min(max(accel_mps2, -limit), limit)
+
+    def step(self, setpoint_mps: float, dt_s: float) -> float:
+        """The reference speed dt_s later."""
+        self.speed_mps, self.accel_mps2 = self._on(self.speed_mps, self.accel_mps2, setpoint_mps, dt_s)
+        return self.speed_mps
+
+    def preview(self, setpoint_mps: float, dt_s: float, count: int) -> list[float]:
+        """The next `count` reference speeds if the setpoint stays; changes nothing."""
+        speed, accel, result = self.speed_mps, self.accel_mps2, []
+        for _ in range(count):
+            speed, accel = self._on(speed, accel, setpoint_mps, dt_s)
+            result.append(speed)
+        return result
+
+    def _on(self, speed: float, accel: float, setpoint: float, dt: float) -> tuple[float, float]:
+        error = setpoint - speed
+        wanted = math.copysign(min(self.settings.accel_mps2, math.sqrt(self.settings.jerk_mps3 * abs(error))), error)
+        step = self.settings.jerk_mps3 * dt
+        accel += min(max(wanted - accel, -step), step)
+        after = speed + accel * dt
+        if abs(error) <= step * dt or (setpoint - after) * error < 0.0:
+            return setpoint, 0.0
+        return after, accel

@@ -1,0 +1,132 @@
+"""What a physical effect is: one term of the model, at one stage of it, with its physics written down.
+
+An effect is a frozen dataclass whose fields are its shape parameters. Its `step` is elementwise, so that the same
+lines serve a float online and an array of start points when a recording is predicted from every sample at once.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any, ClassVar, Final
+
+import numpy as np
+
+from cruise.signals import Signals
+
+Value = Any
+"""A float online, an array of the same meaning offline."""
+
+State = Any
+"""What an effect remembers between samples: None, a float, an array, or a tuple of these."""
+
+
+RATED_RPM: Final = 2100.0  # rpm, speed of the engine at which the paper identified its models (section V.A)
+
+
+class Stage(StrEnum):
+    """Where in the model an effect acts (design: y = sum a y + g(s) sum b f(u) + sum c phi + c_0)."""
+
+    COMMAND = "command"  # reshapes the current: f
+    GAIN = "gain"  # scales the drive: g
+    LOAD = "load"  # adds a force term: phi
+    DYNAMICS = "dynamics"  # changes delay, order or time constant
+    SENSOR = "sensor"  # changes what the sensor shows
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A shape parameter of an effect: its unit, the range that is physically plausible, the value that removes it."""
+
+    unit: str
+    low: float
+    high: float
+    neutral: float
+    meaning: str
+
+
+@dataclass(frozen=True, slots=True)
+class About:
+    """What an engineer wants to know of an effect before believing in it."""
+
+    physics: str
+    equation: str
+    source: str
+    signature: str
+    look_alikes: tuple[str, ...]
+    experiment: str
+
+
+@dataclass(frozen=True, slots=True)
+class Inverse:
+    """The interval of inputs that give a wanted output; empty, with the reason, where there is none."""
+
+    low: float
+    high: float
+    refused: str = ""
+
+    def nearest(self, to: float) -> float:
+        """The input of the interval that lies nearest to `to`; NaN where the inverse was refused."""
+        return float("nan") if self.refused else min(max(to, self.low), self.high)
+
+
+class Effect(ABC):
+    """One physical effect. What is not overridden here is that of an effect without memory.
+
+    `value` is the current on its way to the drive (command), the gain so far (gain), or ignored (load); `past_speed` is
+    the speed one sample ago in m/s; `state` is never changed in place.
+    """
+
+    __slots__ = ()
+
+    name: ClassVar[str]
+    stage: ClassVar[Stage]
+    needs: ClassVar[tuple[str, ...]]
+    parameters: ClassVar[Mapping[str, Parameter]]
+    about: ClassVar[About]
+
+    def start(self, like: Value) -> State:
+        """The state before the first sample, shaped like `like`; None where there is none."""
+        return None
+
+    @abstractmethod
+    def step(self, value: Value, past_speed: Value, signals: Signals, state: State, dt_s: float) -> tuple[Value, State]:
+        """One sample on: the effect's output and its next state, elementwise."""
+
+    def pace(self, signals: Signals) -> Value:
+        """The factor alpha by which the effect slows the poles down (equation 12 of the paper), 1 for most."""
+        return 1.0
+
+    def inverse(self, value: float, signals: Signals, state: State) -> Inverse:
+        """The inputs that give `value`: only the command stage is inverted, the others scale what the drive gives."""
+        return Inverse(np.nan, np.nan, refused=f"{self.name} does not act on the current")
+
+
+def clip(value: Value, low: float, high: float) -> Value:
+    """`value` within low..high, elementwise; NaN stays NaN."""
+    if isinstance(value, np.ndarray):
+        return np.clip(value, low, high)
+    return min(max(value, low), high)
+
+
+def over(
+    effect: Effect, values: Value, past_speeds: np.ndarray, signals: Mapping[str, np.ndarray], dt_s: float
+) -> tuple[Value, State]:
+    """The effect over a whole recording: its output (N,) and its state after each sample, every entry (N,).
+
+    The same as stepping through it; all at once where the effect has no memory.
+    """
+    count = len(past_speeds)
+    state = effect.start(0.0)
+    if state is None:
+        return effect.step(values, past_speeds, signals, None, dt_s)
+    values = np.broadcast_to(values, count)
+    results, states = [], []
+    for k in range(count):
+        now = {name: float(column[k]) for name, column in signals.items()}
+        result, state = effect.step(float(values[k]), float(past_speeds[k]), now, state, dt_s)
+        results.append(result)
+        states.append(state)
+    if isinstance(state, tuple):
+        return np.array(results), tuple(np.array(column) for column in zip(*states, strict=True))
+    return np.array(results), np.array(states)

@@ -1,0 +1,1 @@
+"""Online: from samples to a model, one at a time."""

@@ -1,0 +1,1 @@
+"""Offline: from whole recordings to models."""

@@ -1,0 +1,1 @@
+"""The ARX structure with its effects, its predictions and its files."""

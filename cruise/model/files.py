@@ -1,0 +1,108 @@
+"""Model files: a model as YAML that an engineer can read, with where it came from.
+
+Physical names and units stand in it; `delay_s` is a time, not a number of samples, so that it survives a change of
+the period.
+"""
+
+import difflib
+from pathlib import Path
+
+import msgspec
+
+from cruise import settings
+from cruise.effects import EFFECTS, Effect
+from cruise.model.model import Model
+from cruise.settings import SettingsError
+
+
+class Provenance(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Where a model came from."""
+
+    recordings: tuple[str, ...] = ()
+    samples: int = 0
+    made_by: str = ""
+    note: str = ""
+
+
+class ModelFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The fields of a model file."""
+
+    period_s: float
+    na: int
+    nb: int
+    delay_s: float
+    effects: dict[str, dict[str, float]] = {}
+    parameters: dict[str, float]
+    standard_errors: dict[str, float] = {}
+    residual_std_mps: float = 0.02
+    provenance: Provenance = Provenance()
+
+
+def load(path: str | Path) -> Model:
+    """Read a model file. SettingsError names the file, the key, what is wrong and what to do."""
+    file = settings.load(path, ModelFile)
+    effects = tuple(_effect(path, name, shape) for name, shape in file.effects.items())
+    delay = round(file.delay_s / file.period_s) if file.period_s > 0 else 0
+    try:
+        empty = Model(file.period_s, file.na, file.nb, delay, effects, (0.0,) * _count(file, effects))
+    except ValueError as error:
+        raise SettingsError(f"{path}: {error}") from error
+    if abs(delay * file.period_s - file.delay_s) > 1e-6:
+        raise SettingsError(f"{path}: delay_s: {file.delay_s} is no multiple of period_s, {file.period_s}")
+    for key, given in (("parameters", file.parameters), ("standard_errors", file.standard_errors)):
+        wrong = set(given).symmetric_difference(empty.parameter_names)
+        if given and wrong:
+            raise SettingsError(
+                f"{path}: {key}: {', '.join(sorted(wrong))} missing or not of this structure; "
+                f"it needs {', '.join(empty.parameter_names)}"
+            )
+    names = empty.parameter_names
+    std = tuple(file.standard_errors[name] for name in names) if file.standard_errors else ()
+    theta = tuple(file.parameters[name] for name in names)
+    return Model(file.period_s, file.na, file.nb, delay, effects, theta, std, file.residual_std_mps)
+
+
+def save(path: str | Path, model: Model, provenance: Provenance) -> None:
+    """Write a model file that `load` reads back as an equal model."""
+    names = model.parameter_names
+    shapes = {
+        effect.name: {name: float(getattr(effect, name)) for name in effect.parameters} for effect in model.effects
+    }
+    settings.save(
+        path,
+        ModelFile(
+            period_s=model.period_s,
+            na=model.na,
+            nb=model.nb,
+            delay_s=round(model.delay * model.period_s, 9),
+            effects=shapes,
+            parameters=dict(zip(names, model.theta, strict=True)),
+            standard_errors=dict(zip(names, model.theta_std, strict=True)) if model.theta_std else {},
+            residual_std_mps=model.residual_std_mps,
+            provenance=provenance,
+        ),
+    )
+
+
+def _count(file: ModelFile, effects: tuple[Effect, ...]) -> int:
+    return file.na + file.nb + sum(effect.stage == "load" for effect in effects) + 1
+
+
+def _effect(path: str | Path, name: str, shape: dict[str, float]) -> Effect:
+    kind = EFFECTS.get(name)
+    if kind is None:
+        near = difflib.get_close_matches(name, EFFECTS, n=1)
+        hint = f"did you mean {near[0]}?" if near else f"known: {', '.join(EFFECTS)}"
+        raise SettingsError(f"{path}: effects.{name}: no such effect; {hint}")
+    unknown = set(shape) - set(kind.parameters)
+    if unknown:
+        raise SettingsError(
+            f"{path}: effects.{name}: no parameter {', '.join(sorted(unknown))}; known: {', '.join(kind.parameters)}"
+        )
+    for parameter, value in shape.items():
+        bounds = kind.parameters[parameter]
+        if not bounds.low <= value <= bounds.high:
+            raise SettingsError(
+                f"{path}: effects.{name}.{parameter}: {value} is outside {bounds.low} to {bounds.high} {bounds.unit}"
+            )
+    return kind(**shape)

@@ -1,0 +1,270 @@
+"""The model of the drive, one object for estimator, controller and workbench.
+
+    y_k = alpha [ sum_i a_i y_(k-i) + g(s_k) sum_j b_j f(u)_(k-d-j) + sum_m c_m phi_m(s_k, y_(k-1)) + c_0 ]
+          + (1 - alpha) y_(k-1)
+
+y ground speed in m/s, u pump current in mA, s the other measured signals, all means over one period; f the command
+effects, g the gain effects, phi the load effects, d the delay in samples, alpha the pace of the gears. a (na,), b
+(nb,), c (m,) and c_0 are linear parameters, in this order in `theta`. Source: equations 3, 11 and 12 of Coen et al.
+2005, widened by effects.
+
+Everything works elementwise: on floats while driving, on arrays of start points when a recording is predicted from
+every sample at once.
+"""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from cruise.effects import Effect, Inverse, Stage
+from cruise.effects.effect import State, Value
+from cruise.signals import Signals
+
+
+class ModelState(NamedTuple):
+    """All that the model remembers between two samples; newest first. Values are floats, or arrays of start points."""
+
+    speeds: tuple[Value, ...]  # y_(k-1) ..., m/s
+    drives: tuple[Value, ...]  # f(u)_k ..., mA, reaching back over delay and order
+    gain: Value  # g(s_k)
+    pace: Value  # alpha(s_k)
+    loads: tuple[Value, ...]  # phi_m(s_k, y_(k-1))
+    effects: tuple[State, ...]  # one per effect
+
+
+class Regression(NamedTuple):
+    """One line of the least squares problem: y = offset + columns . theta."""
+
+    columns: tuple[Value, ...]
+    offset: Value
+
+
+@dataclass(frozen=True, slots=True)
+class DriveResponse:
+    """The model about the present state, linear in the drive signal f(u) in mA.
+
+    y_k = sum_i speed_coefficients_i y_(k-i) + sum_j drive_coefficients_j v_(k-delay-j) + offset_mps
+    """
+
+    speed_coefficients: tuple[float, ...]
+    drive_coefficients: tuple[float, ...]
+    delay: int
+    offset_mps: float
+
+    def free(
+        self, speeds: Sequence[float], drives: Sequence[float], disturbance_mps: float, horizon: int
+    ) -> np.ndarray:
+        """Speeds (horizon,) in m/s after y_k if the drive signal were zero from now on.
+
+        `speeds` and `drives` are y_k, y_(k-1)... and v_k, v_(k-1)..., newest first.
+        """
+        past_speeds = list(speeds[: len(self.speed_coefficients)])
+        past_drives = list(drives)
+        result = np.empty(horizon)
+        for i in range(horizon):
+            past_drives.insert(0, 0.0)
+            speed = self.offset_mps + disturbance_mps
+            speed += sum(a * y for a, y in zip(self.speed_coefficients, past_speeds, strict=False))
+            speed += sum(b * v for b, v in zip(self.drive_coefficients, past_drives[self.delay :], strict=False))
+            past_speeds.insert(0, speed)
+            result[i] = speed
+        return result
+
+    def forced(self, horizon: int) -> np.ndarray:
+        """Matrix (horizon, horizon): response of y_(k+1).. to a unit of drive in v_(k+1).., in m/s per mA."""
+        impulse = np.zeros(horizon)
+        for i in range(horizon):
+            j = i - self.delay
+            direct = self.drive_coefficients[j] if 0 <= j < len(self.drive_coefficients) else 0.0
+            impulse[i] = direct + sum(
+                a * impulse[i - 1 - n] for n, a in enumerate(self.speed_coefficients) if i - 1 - n >= 0
+            )
+        lag = np.subtract.outer(np.arange(horizon), np.arange(horizon))
+        return np.where(lag >= 0, impulse[np.maximum(lag, 0)], 0.0)
+
+    @property
+    def dc_gain(self) -> float:
+        """Steady speed per mA of drive."""
+        return sum(self.drive_coefficients) / (1.0 - sum(self.speed_coefficients))
+
+
+@dataclass(frozen=True)
+class Model:
+    """The ARX structure, its effects and its parameters. Frozen: learning and fitting make a new one."""
+
+    period_s: float
+    na: int
+    nb: int
+    delay: int  # samples
+    effects: tuple[Effect, ...]
+    theta: tuple[float, ...]  # a, b, c, c_0
+    theta_std: tuple[float, ...] = ()  # standard errors of the fit, the trust that learning puts into it
+    residual_std_mps: float = 0.02  # one step ahead
+
+    def __post_init__(self) -> None:
+        if self.period_s <= 0 or self.na < 0 or self.nb < 1 or self.delay < 0:
+            raise ValueError(f"no such structure: na={self.na}, nb={self.nb}, delay={self.delay}, {self.period_s} s")
+        if len(self.theta) != len(self.parameter_names):
+            raise ValueError(f"{len(self.theta)} parameters given, {len(self.parameter_names)} needed")
+
+    # -- structure
+
+    @cached_property
+    def command_effects(self) -> tuple[tuple[int, Effect], ...]:
+        """The effects that reshape the current, in order, each with its place in the state."""
+        return self._at(Stage.COMMAND)
+
+    @cached_property
+    def gain_effects(self) -> tuple[tuple[int, Effect], ...]:
+        """The effects that scale the drive."""
+        return self._at(Stage.GAIN)
+
+    @cached_property
+    def load_effects(self) -> tuple[tuple[int, Effect], ...]:
+        """The effects that add a force term."""
+        return self._at(Stage.LOAD)
+
+    def _at(self, stage: Stage) -> tuple[tuple[int, Effect], ...]:
+        return tuple((i, effect) for i, effect in enumerate(self.effects) if effect.stage is stage)
+
+    @cached_property
+    def needs(self) -> tuple[str, ...]:
+        """The signals beside current and speed without which the model can't say anything."""
+        return tuple(dict.fromkeys(name for effect in self.effects for name in effect.needs))
+
+    @cached_property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of `theta`: a_1.., b_0.., the load effects, c_0."""
+        a = [f"a_{i + 1}" for i in range(self.na)]
+        b = [f"b_{j}_mps_per_ma" for j in range(self.nb)]
+        c = [f"c_{effect.name}" for _, effect in self.load_effects]
+        return (*a, *b, *c, "c_0_mps")
+
+    def with_theta(self, theta: Iterable[float]) -> "Model":
+        """The same structure with other linear parameters."""
+        return replace(self, theta=tuple(float(value) for value in theta))
+
+    # -- recursion
+
+    def start(self, speed_mps: Value, current_ma: Value, signals: Signals) -> ModelState:
+        """The state of a machine that has been driving steadily."""
+        states = tuple(effect.start(current_ma) for effect in self.effects)
+        drive = current_ma
+        for i, effect in self.command_effects:
+            drive, _ = effect.step(drive, speed_mps, signals, states[i], self.period_s)
+        depth = self.delay + self.nb
+        return ModelState((speed_mps,) * max(self.na, 1), (drive,) * depth, 1.0, 1.0, (), states)
+
+    def apply(self, state: ModelState, current_ma: Value, signals: Signals) -> ModelState:
+        """The state once the current and the signals of sample k are known, and its speed is not."""
+        last = state.speeds[0]
+        states = list(state.effects)
+        drive = current_ma
+        for i, effect in self.command_effects:
+            drive, states[i] = effect.step(drive, last, signals, states[i], self.period_s)
+        gain, pace = 1.0, 1.0
+        for i, effect in self.gain_effects:
+            gain, states[i] = effect.step(gain, last, signals, states[i], self.period_s)
+        for effect in self.effects:
+            pace = pace * effect.pace(signals)
+        loads = []
+        for i, effect in self.load_effects:
+            load, states[i] = effect.step(0.0, last, signals, states[i], self.period_s)
+            loads.append(load)
+        return ModelState(state.speeds, (drive, *state.drives[:-1]), gain, pace, tuple(loads), tuple(states))
+
+    def observe(self, state: ModelState, speed_mps: Value) -> ModelState:
+        """The state once the speed of sample k is known too."""
+        return state._replace(speeds=(speed_mps, *state.speeds[:-1]))
+
+    def advance(self, state: ModelState, current_ma: Value, speed_mps: Value, signals: Signals) -> ModelState:
+        """One whole measured sample on."""
+        return self.observe(self.apply(state, current_ma, signals), speed_mps)
+
+    def regression(self, state: ModelState) -> Regression:
+        """Columns and offset for the speed of the sample that was applied last (equation 12 lives here)."""
+        pace, drive = state.pace, state.pace * state.gain
+        columns = [pace * speed for speed in state.speeds[: self.na]]
+        columns += [drive * v for v in state.drives[self.delay : self.delay + self.nb]]
+        columns += [pace * load for load in state.loads]
+        columns.append(pace)
+        return Regression(tuple(columns), (1.0 - pace) * state.speeds[0])
+
+    def next_speed(self, state: ModelState) -> Value:
+        """The speed in m/s that the model expects for the sample that was applied last."""
+        columns, speed = self.regression(state)
+        for parameter, column in zip(self.theta, columns, strict=True):
+            speed = speed + parameter * column
+        return speed
+
+    def predict(self, state: ModelState, currents_ma: Sequence[Value], signals: Sequence[Signals]) -> list[Value]:
+        """Speeds in m/s over the coming samples, given their currents and signals; nothing is measured on the way."""
+        speeds = []
+        for current_ma, now in zip(currents_ma, signals, strict=True):
+            state = self.apply(state, current_ma, now)
+            speed = self.next_speed(state)
+            state = self.observe(state, speed)
+            speeds.append(speed)
+        return speeds
+
+    # -- the controller's view
+
+    def linearise(self, state: ModelState, signals: Signals) -> DriveResponse:
+        """The model at the present signals, linear in the drive signal, with everything that the gears do to it."""
+        now = self.apply(state, 0.0, signals)
+        a, b, loads, c_0 = self.split(self.theta)
+        speed = [now.pace * value for value in a] or [0.0]
+        speed[0] += 1.0 - now.pace
+        drive = tuple(now.pace * now.gain * value for value in b)
+        offset = now.pace * (c_0 + sum(c * phi for c, phi in zip(loads, now.loads, strict=True)))
+        return DriveResponse(tuple(speed), drive, self.delay, offset)
+
+    def split(self, theta: Sequence[float]) -> tuple[Sequence[float], Sequence[float], Sequence[float], float]:
+        """theta as a, b, c and c_0."""
+        na, nb = self.na, self.nb
+        return theta[:na], theta[na : na + nb], theta[na + nb : -1], theta[-1]
+
+    def drive_for(self, current_ma: float, state: ModelState, signals: Signals) -> float:
+        """f(u): the drive signal in mA that a current gives now."""
+        drive: float = current_ma
+        for i, effect in self.command_effects:
+            drive, _ = effect.step(drive, state.speeds[0], signals, state.effects[i], self.period_s)
+        return drive
+
+    def current_for(self, drive_ma: float, state: ModelState, signals: Signals) -> Inverse:
+        """The currents that give a wanted drive signal, or why there are none."""
+        low = high = drive_ma
+        for i, effect in reversed(self.command_effects):
+            below = effect.inverse(low, signals, state.effects[i])
+            above = effect.inverse(high, signals, state.effects[i])
+            if below.refused or above.refused:
+                return Inverse(math.nan, math.nan, refused=below.refused or above.refused)
+            low, high = below.low, above.high
+        return Inverse(low, high)
+
+    # -- what the linear parameters mean
+
+    @property
+    def poles(self) -> np.ndarray:
+        """Poles of the predictor in the z plane, in second gear."""
+        a, *_ = self.split(self.theta)
+        return np.roots([1.0, *(-value for value in a)]) if self.na else np.zeros(0)
+
+    @property
+    def dc_gain_mps_per_ma(self) -> float:
+        """Steady speed per mA of drive at rated engine speed in second gear."""
+        a, b, *_ = self.split(self.theta)
+        return float(sum(b) / (1.0 - sum(a)))
+
+    def missing(self, names: Iterable[str]) -> tuple[str, ...]:
+        """The needed signals that are not among `names`."""
+        known = set(names)
+        return tuple(name for name in self.needs if name not in known)
+
+    def usable(self, signals: Mapping[str, float]) -> bool:
+        """Whether every needed signal was measured."""
+        return all(math.isfinite(signals.get(name, math.nan)) for name in self.needs)

@@ -1,0 +1,193 @@
+"""The cruise control on the bus: frames in, samples, learning, engagement, control, frames out.
+
+It has no clock and no bus: the loop hands it frames and the time, and sends what it returns.
+"""
+
+import math
+from collections import Counter
+from dataclasses import dataclass
+
+from cruise.can.codec import Codec
+from cruise.can.frame import Frame
+from cruise.control.controller import Command, Controller
+from cruise.control.engagement import Engagement, ExitReason, Situation, State
+from cruise.estimation.estimator import Estimator, Learned
+from cruise.estimation.gate import Gate
+from cruise.estimation.supervision import Supervisor
+from cruise.model.model import Model
+from cruise.sampling import StreamSampler
+from cruise.service.settings import CruiseSettings
+from cruise.signals import CONTEXT, INPUT, OUTPUT, Sample
+
+FAST_MESSAGE = "DriveFeedback"  # speed and current that the model lives on; other messages only add context
+_OPERATOR = ("cruise_enable", "cruise_set", "cruise_resume", "cruise_accelerate", "cruise_coast")
+_SAFETY = ("brake_pedal", "clutch_pedal", "lever_pct")
+
+
+@dataclass(frozen=True, slots=True)
+class Status:
+    """What the service knows about itself, for display, log and bus."""
+
+    time_s: float
+    state: State
+    setpoint_mps: float
+    speed_mps: float
+    current_ma: float
+    command: Command
+    gate: Gate
+    learned: Model
+    rms_ahead_mps: dict[str, float]
+    adoptions: int
+    exit_reason: ExitReason
+    exit_condition: str
+    refused: str
+    faults: dict[str, int]
+    missing: tuple[str, ...]
+
+
+class CruiseNode:
+    """One cruise control: `tick` every `period_s`, `receive` in between."""
+
+    def __init__(self, settings: CruiseSettings, model: Model, codec: Codec) -> None:
+        self.settings = settings
+        self.period_s = settings.control.frame_s
+        self.codec = codec
+        self.sampler = StreamSampler(settings.sampling)
+        self.estimator = Estimator(model, settings.estimator)
+        self.supervisor = Supervisor(model, settings.supervision)
+        self.controller = Controller(model, settings.control)
+        self.engagement = Engagement(settings.engagement)
+        self.needed = (INPUT, OUTPUT, *model.needs, *_SAFETY)
+        self.latest: dict[str, tuple[float, float]] = {}
+        self.faults: Counter[str] = Counter()
+        self.ticks = 0
+        self.sample: Sample | None = None
+        self.learned = Learned(math.nan, math.nan, Gate.WARMING_UP)
+        self.command = Command(0.0, math.nan, math.nan, "")
+        self.healthy = True
+        self.missing: tuple[str, ...] = self.needed
+
+    def receive(self, frame: Frame) -> None:
+        """Take one frame in, whatever it is."""
+        decoded = self.codec.decode(frame)
+        if decoded.fault is not None:
+            self.faults[str(decoded.fault)] += 1
+        for reading in decoded.readings:
+            if reading.name in (INPUT, OUTPUT) and decoded.message != FAST_MESSAGE:
+                continue
+            self.latest[reading.name] = (reading.time_s, reading.value)
+            self.sampler.push(reading.name, reading.time_s, reading.value)
+
+    def tick(self, now_s: float) -> list[Frame]:
+        """One frame period on: learn and plan where a model period ends, decide who drives, command the pump."""
+        sample = self._next_sample(now_s)
+        if sample is not None:
+            self._learn(sample)
+        state = self.engagement.step(self._situation(now_s))
+        setpoint_mps = self.engagement.setpoint_mps if state is State.ENGAGED else None
+        self.command = self.controller.step(sample, setpoint_mps)
+        self.ticks += 1
+        frames = [self._command_frame(now_s)]
+        if self.ticks % 2 == 0:
+            frames.append(self._speed_frame(now_s))
+        return frames
+
+    def stop(self, now_s: float) -> list[Frame]:
+        """The last frames: neutral."""
+        self.healthy = False
+        self.engagement.step(self._situation(now_s))
+        self.command = self.controller.step(None, None)
+        return [self._command_frame(now_s), self._speed_frame(now_s)]
+
+    def status(self, now_s: float) -> Status:
+        """What to show."""
+        errors = self.supervisor.errors
+        return Status(
+            time_s=now_s,
+            state=self.engagement.state,
+            setpoint_mps=self.engagement.setpoint_mps,
+            speed_mps=self._value(OUTPUT, now_s),
+            current_ma=self._value(INPUT, now_s),
+            command=self.command,
+            gate=self.learned.gate,
+            learned=self.estimator.snapshot(),
+            rms_ahead_mps={name: errors.rms_mps(name) for name in errors.mean_squares},
+            adoptions=self.supervisor.adoptions,
+            exit_reason=self.engagement.exit_reason,
+            exit_condition=self.engagement.exit_condition,
+            refused=self.engagement.refused,
+            faults=dict(self.faults),
+            missing=self.missing,
+        )
+
+    def _next_sample(self, now_s: float) -> Sample | None:
+        if self.ticks % self.controller.frames:
+            return None
+        period_s = self.estimator.factory.period_s
+        means = self.sampler.sample(now_s, period_s)
+        signals = {name: means.get(name, math.nan) for name in CONTEXT}
+        return Sample(
+            now_s,
+            means.get(INPUT, math.nan),
+            means.get(OUTPUT, math.nan),
+            signals,
+            engaged=self.engagement.state is State.ENGAGED,
+            reference_mps=self.controller.reference.speed_mps,
+            overridden=means.get("brake_pedal", 0.0) > 0.5 or means.get("clutch_pedal", 0.0) > 0.5,
+        )
+
+    def _learn(self, sample: Sample) -> None:
+        self.sample = sample
+        self.learned = self.estimator.learn(sample)
+        before = self.estimator.applied
+        if self.learned.gate is Gate.STALE_SIGNAL or before is None or self.estimator.state is None:
+            self.supervisor.errors.restart()
+            return
+        adopted = self.supervisor.step(before, sample, self.estimator.snapshot())
+        if adopted is not None:
+            self.controller.adopt(adopted)
+
+    def _value(self, name: str, now_s: float) -> float:
+        """The newest value of a signal; NaN where it is stale or was not measured."""
+        time_s, value = self.latest.get(name, (-math.inf, math.nan))
+        return value if now_s - time_s <= self.settings.sampling.stale_after(name) else math.nan
+
+    def _situation(self, now_s: float) -> Situation:
+        def on(name: str) -> bool:
+            return self._value(name, now_s) > 0.5
+
+        self.missing = tuple(name for name in self.needed if not math.isfinite(self._value(name, now_s)))
+        return Situation(
+            enable=on("cruise_enable"),
+            set=on("cruise_set"),
+            resume=on("cruise_resume"),
+            accelerate=on("cruise_accelerate"),
+            coast=on("cruise_coast"),
+            operator_present=all(math.isfinite(self._value(name, now_s)) for name in _OPERATOR),
+            signals_valid=not self.missing,
+            model_ready=self.controller.state is not None and self.learned.gate is not Gate.WARMING_UP,
+            healthy=self.healthy,
+            brake=on("brake_pedal"),
+            clutch=on("clutch_pedal"),
+            gear=self._value("gear", now_s),
+            lever_pct=self._value("lever_pct", now_s),
+            speed_mps=self._value(OUTPUT, now_s),
+            requested_mps=self._value("setpoint_mps", now_s),
+            reference_mps=self.controller.past_references[0],
+        )
+
+    def _command_frame(self, now_s: float) -> Frame:
+        active = self.engagement.state is State.ENGAGED
+        values = {
+            "pump_current_command_ma": self.command.current_ma if active else 0.0,
+            "command_active": float(active),
+        }
+        return self.codec.encode("PumpCurrentCommand", values, now_s)
+
+    def _speed_frame(self, now_s: float) -> Frame:
+        values = {
+            "machine_selected_speed_mps": self.command.reference_mps,
+            "exit_reason": float(self.engagement.exit_reason),
+            "limit_status": 1.0 if self.command.limited else 0.0,
+        }
+        return self.codec.encode("MachineSelectedSpeed", values, now_s)

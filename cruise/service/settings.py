@@ -1,0 +1,33 @@
+"""All settings of the service, as they stand in config/cruise.yaml."""
+
+from pathlib import Path
+
+import msgspec
+
+from cruise import settings as strict
+from cruise.can.settings import CanSettings
+from cruise.control.controller import ControlSettings
+from cruise.control.engagement import EngagementSettings
+from cruise.estimation.estimator import EstimatorSettings
+from cruise.estimation.supervision import SupervisionSettings
+from cruise.sampling import SamplingSettings
+
+
+class CruiseSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """One struct per part of the program; file names are relative to the settings file."""
+
+    model: str  # file of the factory model
+    database: str  # file of the CAN database
+    can: CanSettings = CanSettings()
+    sampling: SamplingSettings = SamplingSettings()
+    estimator: EstimatorSettings = EstimatorSettings()
+    supervision: SupervisionSettings = SupervisionSettings()
+    engagement: EngagementSettings = EngagementSettings()
+    control: ControlSettings = ControlSettings()
+
+
+def load(path: str | Path) -> CruiseSettings:
+    """Read the settings; the file names in them become paths that hold from anywhere."""
+    file = Path(path)
+    read = strict.load(file, CruiseSettings)
+    return msgspec.structs.replace(read, model=str(file.parent / read.model), database=str(file.parent / read.database))

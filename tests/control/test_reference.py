@@ -1,0 +1,48 @@
+"""The reference stays within acceleration and jerk, arrives, and never passes the setpoint."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cruise.control.reference import Reference, ReferenceSettings
+
+SETTINGS = ReferenceSettings()
+
+
+@pytest.mark.parametrize("dt_s", [0.05, 0.2])
+@given(start=st.floats(0, 3), target=st.floats(0, 3))
+def test_it_arrives_within_its_limits_without_overshoot(dt_s, start, target):
+    reference = Reference(SETTINGS)
+    reference.reset(start)
+    speeds = np.array([start] + [reference.step(target, dt_s) for _ in range(round(12 / dt_s))])
+    assert speeds[-1] == target
+    accel = np.diff(speeds) / dt_s
+    assert np.abs(accel).max(initial=0) <= SETTINGS.accel_mps2 + 1e-9
+    direction = np.sign(target - start)
+    assert (direction * (speeds - target) <= 1e-9).all()
+    assert (direction * np.diff(speeds) >= -1e-9).all()
+
+
+def test_a_step_takes_about_as_long_as_it_must():
+    reference = Reference(SETTINGS)
+    steps = 0
+    while reference.speed_mps < 1.0:
+        reference.step(1.0, 0.2)
+        steps += 1
+    shortest_s = 1.0 / SETTINGS.accel_mps2 + SETTINGS.accel_mps2 / SETTINGS.jerk_mps3
+    assert steps * 0.2 <= 1.5 * shortest_s
+
+
+def test_a_preview_changes_nothing_and_is_what_happens():
+    reference = Reference(SETTINGS)
+    reference.reset(0.5, 0.2)
+    coming = reference.preview(1.5, 0.2, 20)
+    assert (reference.speed_mps, reference.accel_mps2) == (0.5, 0.2)
+    assert coming == [reference.step(1.5, 0.2) for _ in range(20)]
+
+
+def test_it_starts_from_the_machines_own_motion_within_its_limit():
+    reference = Reference(SETTINGS)
+    reference.reset(1.0, 5.0)
+    assert reference.accel_mps2 == SETTINGS.accel_mps2

@@ -1,0 +1,116 @@
+"""Every entry of EFFECTS meets the same contract."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cruise.effects import EFFECTS, Stage, over
+from cruise.signals import SIGNALS
+
+SHAPES = {
+    "dead_zone": {"threshold_ma": 350.0},
+    "quadratic_gain": {"curvature": 0.7},
+    "engine_speed": {"exponent": 1.0},
+    "gear_ratio": {"gear_1_mps": 1.4, "gear_2_mps": 2.5, "gear_3_mps": 4.4, "gear_4_mps": 7.8},
+}
+DT_S = 0.2
+
+
+def recording(seed: int, count: int = 60) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+    rng = np.random.default_rng(seed)
+    signals = {name: rng.uniform(signal.low, signal.high, count) for name, signal in SIGNALS.items()}
+    signals["gear"] = rng.integers(1, 5, count).astype(float)
+    return rng.uniform(-1200, 1200, count), rng.uniform(-2, 2, count), signals
+
+
+@pytest.fixture(params=sorted(EFFECTS))
+def effect(request):
+    return EFFECTS[request.param](**SHAPES[request.param])
+
+
+def test_every_effect_has_a_shape_here_and_stands_under_its_name(effect):
+    assert set(SHAPES) == set(EFFECTS)
+    assert EFFECTS[effect.name] is type(effect)
+    assert set(effect.parameters) == {field.name for field in dataclasses.fields(effect)}
+
+
+def test_needs_are_signals_that_exist(effect):
+    assert set(effect.needs) <= set(SIGNALS)
+
+
+def test_text_is_there_and_look_alikes_are_named(effect):
+    for field in dataclasses.fields(effect.about):
+        assert getattr(effect.about, field.name), field.name
+
+
+def test_bounds_hold_the_neutral_value(effect):
+    for parameter in effect.parameters.values():
+        assert parameter.low <= parameter.neutral <= parameter.high
+        assert parameter.unit
+        assert parameter.meaning
+
+
+def test_stepping_equals_the_whole_recording(effect):
+    values, speeds, signals = recording(1)
+    state = effect.start(0.0)
+    stepped = []
+    for k, value in enumerate(values):
+        now = {name: float(column[k]) for name, column in signals.items()}
+        result, state = effect.step(float(value), float(speeds[k]), now, state, DT_S)
+        stepped.append(result)
+    whole, _ = over(effect, values, speeds, signals, DT_S)
+    np.testing.assert_allclose(np.broadcast_to(whole, values.shape), stepped, rtol=1e-12, atol=1e-12)
+
+
+def test_inputs_are_untouched(effect):
+    values, speeds, signals = recording(2)
+    before = values.copy(), speeds.copy(), {name: column.copy() for name, column in signals.items()}
+    over(effect, values, speeds, signals, DT_S)
+    effect.pace(signals)
+    np.testing.assert_array_equal(values, before[0])
+    np.testing.assert_array_equal(speeds, before[1])
+    for name, column in signals.items():
+        np.testing.assert_array_equal(column, before[2][name])
+
+
+def test_neutral_parameters_remove_the_effect(effect):
+    neutral = type(effect)(**{name: parameter.neutral for name, parameter in effect.parameters.items()})
+    values, speeds, signals = recording(3)
+    result, _ = over(neutral, values, speeds, signals, DT_S)
+    expected = np.zeros_like(values) if neutral.stage is Stage.LOAD else values
+    np.testing.assert_allclose(result, expected, rtol=1e-12)
+    np.testing.assert_allclose(neutral.pace(signals), 1.0, rtol=1e-12)
+
+
+def test_an_unmeasured_signal_gives_no_number(effect):
+    for name in effect.needs:
+        now = dict.fromkeys(effect.needs, 1.0) | {name: math.nan}
+        result, _ = effect.step(1.0, 0.0, now, effect.start(0.0), DT_S)
+        assert math.isnan(result)
+
+
+def test_an_effect_is_frozen(effect):
+    name = next(iter(effect.parameters))
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        setattr(effect, name, 1.0)
+
+
+COMMAND = sorted(name for name, kind in EFFECTS.items() if kind.stage is Stage.COMMAND)
+
+
+@pytest.mark.parametrize("name", COMMAND)
+@given(current_ma=st.floats(-1200, 1200), share=st.floats(0, 1))
+def test_the_inverse_undoes_the_effect(name, current_ma, share):
+    bounds = EFFECTS[name].parameters
+    effect = EFFECTS[name](**{key: bound.low + share * (bound.high - bound.low) for key, bound in bounds.items()})
+    value, _ = effect.step(current_ma, 0.0, {}, effect.start(0.0), DT_S)
+    inverse = effect.inverse(value, {}, effect.start(0.0))
+    if inverse.refused:
+        pytest.fail(f"a value that the effect gives must have an inverse: {inverse.refused}")
+    again, _ = effect.step(inverse.nearest(current_ma), 0.0, {}, effect.start(0.0), DT_S)
+    assert again == pytest.approx(value, abs=1e-6)
+    assert inverse.low - 1e-6 <= current_ma <= inverse.high + 1e-6

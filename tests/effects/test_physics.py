@@ -1,0 +1,48 @@
+"""The equations of the effects, by hand."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cruise.effects import EFFECTS
+from cruise.effects.dead_zone import DeadZone
+from cruise.effects.engine_speed import EngineSpeed
+from cruise.effects.gear_ratio import GearRatio
+from cruise.effects.quadratic_gain import QuadraticGain
+
+
+@pytest.mark.parametrize(("current_ma", "left_ma"), [(0, 0), (300, 0), (350, 0), (400, 50), (-400, -50), (-10, 0)])
+def test_dead_zone(current_ma, left_ma):
+    assert DeadZone(350.0).step(float(current_ma), 0.0, {}, None, 0.2)[0] == pytest.approx(left_ma)
+
+
+def test_quadratic_gain():
+    assert QuadraticGain(0.5).step(400.0, 0.0, {}, None, 0.2)[0] == pytest.approx(400 * (1 + 0.5 * 0.4))
+
+
+def test_beyond_the_vertex_of_a_falling_curve_there_is_no_current():
+    inverse = QuadraticGain(-0.4).inverse(2000.0, {}, None)
+    assert "vertex" in inverse.refused
+    assert math.isnan(inverse.nearest(0.0))
+
+
+def test_engine_speed_scales_with_flow():
+    assert EngineSpeed(1.0).step(1.0, 0.0, {"engine_speed_rpm": 1050.0}, None, 0.2)[0] == pytest.approx(0.5)
+
+
+def test_gears_scale_gain_and_pace_as_in_equations_10_to_12():
+    gears = GearRatio(1.4, 2.5, 4.4, 7.8)
+    assert [gears.ratio(float(i)) for i in (1, 2, 3, 4)] == pytest.approx([1.4 / 2.5, 1, 4.4 / 2.5, 7.8 / 2.5])
+    paces = [gears.pace({"gear": float(i)}) for i in (1, 2, 3, 4)]
+    assert paces == pytest.approx([1, 1, (2.5 / 4.4) ** 2, (2.5 / 7.8) ** 2])
+    np.testing.assert_allclose(gears.pace({"gear": np.array([1.0, 2, 3, 4])}), paces)
+
+
+@pytest.mark.parametrize("gear", [0.0, 5.0, -1.0])
+def test_no_drive_in_neutral_or_in_a_gear_that_is_not_there(gear):
+    assert GearRatio(1.4, 2.5, 4.4, 7.8).step(1.0, 0.0, {"gear": gear}, None, 0.2)[0] == 0.0
+
+
+def test_the_table_is_named_as_its_entries():
+    assert all(name == kind.name for name, kind in EFFECTS.items())

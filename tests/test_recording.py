@@ -1,0 +1,357 @@
+"""Recordings: known signals through jitter, gaps and coarse grids, bad files, and the measured drives."""
+
+import tempfile
+from pathlib import Path
+
+import hypothesis
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cruise.recording import (
+    ActiveWhen,
+    ColumnSettings,
+    Recording,
+    RecordingError,
+    RecordingSettings,
+    read_csv,
+    resample,
+    write_csv,
+)
+from cruise.sampling import Kind, means
+from cruise.signals import INPUT, OUTPUT
+
+PLAIN = RecordingSettings()
+DART = RecordingSettings(
+    time="elapsed time sensors",
+    input="throttle",
+    output="vel encoder",
+    active_when=ActiveWhen(column="safety_value", above=0.5),
+)
+
+
+def file_of(folder: Path, text: str) -> Path:
+    path = folder / "drive.csv"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def csv_of(folder: Path, rows: list[str], header: str = "time_s,pump_current_ma,ground_speed_mps") -> Path:
+    return file_of(folder, "\n".join([header, *rows]) + "\n")
+
+
+def ramp(count: int = 20, step_s: float = 0.1) -> list[str]:
+    """Return rows whose current is 100 times and whose speed is 2 times their time."""
+    return [f"{k * step_s:.6g},{100 * k * step_s:.6g},{2 * k * step_s:.6g}" for k in range(count)]
+
+
+def recording(count: int = 50, dt_s: float = 0.05) -> Recording:
+    random = np.random.default_rng(3)
+    time_s = 5.0 + dt_s * np.arange(count)
+    columns = {INPUT: random.normal(size=count), OUTPUT: random.normal(size=count), "gear": np.full(count, 2.0)}
+    return Recording(time_s, columns, dt_s, "made up", ("a note",))
+
+
+def test_an_even_file_is_taken_as_it_is(tmp_path):
+    read = read_csv(csv_of(tmp_path, ramp()), PLAIN)
+    assert (read.dt_s, len(read), read.notes) == (0.1, 20, ())
+    np.testing.assert_allclose(read.time_s, 0.1 * np.arange(20), atol=1e-12)
+    np.testing.assert_allclose(read.input, 10.0 * np.arange(20), atol=1e-9)
+    np.testing.assert_allclose(read.output, 0.2 * np.arange(20), atol=1e-9)
+
+
+@given(
+    dt_s=st.sampled_from([0.01, 0.02, 0.03, 1 / 30, 0.05, 0.07, 0.1, 0.125, 0.2, 0.375, 1.0]),
+    start_s=st.floats(-1e4, 1e6),
+    values=st.lists(st.floats(-1e3, 1e3), min_size=10, max_size=30),
+)
+@hypothesis.settings(max_examples=50)
+def test_what_is_written_reads_back_equal(dt_s, start_s, values):
+    columns = {INPUT: np.array(values), OUTPUT: np.array(values[::-1]), "header_height_mm": np.array(values)}
+    written = Recording(start_s + dt_s * np.arange(len(values)), columns, dt_s, "made up")
+    with tempfile.TemporaryDirectory() as folder:
+        write_csv(written, Path(folder) / "drive.csv")
+        read = read_csv(Path(folder) / "drive.csv", PLAIN)
+    assert read.dt_s == pytest.approx(dt_s, rel=1e-5)
+    assert list(read.columns) == list(columns)
+    for name, expected in columns.items():
+        np.testing.assert_allclose(read.columns[name], expected, rtol=0, atol=1e-9)
+
+
+def test_what_was_not_measured_is_an_empty_cell(tmp_path):
+    values = np.ones(20)
+    values[3:10] = np.nan
+    write_csv(Recording(np.arange(20) * 0.1, {INPUT: values, OUTPUT: np.ones(20)}, 0.1, "x"), tmp_path / "f.csv")
+    assert "0.5,,1.0" in (tmp_path / "f.csv").read_text()
+    read = read_csv(tmp_path / "f.csv", PLAIN)
+    assert np.flatnonzero(np.isnan(read.input)).tolist() == [6, 7, 8, 9]  # held for 0.3 s, then stale
+    assert read.notes == (
+        "pump_current_ma: 7 of 20 cells hold no number, not measured",
+        "pump_current_ma: gap of 0.8 s at t=0.2 s",
+    )
+
+
+@pytest.mark.parametrize(
+    ("mean_step_s", "expected_s"), [(0.0993, 0.1), (0.0497, 0.05), (0.0335, 1 / 30), (0.00993, 0.01), (0.38, 0.38)]
+)
+def test_a_jittering_step_is_rounded_to_a_sensible_one(tmp_path, mean_step_s, expected_s):
+    jitter = 1.0 + 0.05 * np.cos(np.arange(40))
+    times = np.cumsum(jitter / jitter.mean() * mean_step_s)
+    assert read_csv(csv_of(tmp_path, [f"{t:.6f},1,1" for t in times]), PLAIN).dt_s == pytest.approx(expected_s)
+
+
+def test_jitter_leaves_a_straight_line_straight_and_a_step_a_step(tmp_path):
+    random = np.random.default_rng(4)
+    times = 0.1 * np.arange(60) + random.uniform(-0.008, 0.008, 60)
+    times[0] = 0.0
+    rows = [f"{t:.6f},{500.0 if k >= 30 else 0.0},{2.0 * t:.9f}" for k, t in enumerate(times)]
+    read = read_csv(csv_of(tmp_path, rows), PLAIN, 0.1)
+    np.testing.assert_allclose(read.output, 2.0 * read.time_s, atol=1e-6)
+    assert set(read.input.tolist()) == {0.0, 500.0}
+    assert read.input[29] == 0.0
+    assert read.input[30] == 500.0
+
+
+def test_a_finer_grid_interpolates_the_speed_and_holds_the_current(tmp_path):
+    read = read_csv(csv_of(tmp_path, ramp()), PLAIN, 0.05)
+    assert len(read) == 39
+    np.testing.assert_allclose(read.output, 2.0 * read.time_s, atol=1e-9)
+    np.testing.assert_allclose(read.input, 10.0 * (np.arange(39) // 2), atol=1e-9)
+
+
+def test_a_coarser_grid_holds_the_means_that_the_online_path_takes(tmp_path):
+    random = np.random.default_rng(5)
+    times, speeds = 0.01 * np.arange(400), random.normal(size=400)
+    rows = [f"{t:.6g},{u!r},{v!r}" for t, u, v in zip(times, speeds[::-1].tolist(), speeds.tolist(), strict=True)]
+    read = read_csv(csv_of(tmp_path, rows), PLAIN, 0.2)
+    np.testing.assert_allclose(read.time_s, 0.2 * np.arange(1, 20), atol=1e-12)
+    np.testing.assert_allclose(read.output, means(times, speeds, read.time_s, 0.2, Kind.CONTINUOUS, 0.3), atol=1e-9)
+    by_hand = [speeds[::-1][20 * k : 20 * k + 20].mean() for k in range(19)]
+    np.testing.assert_allclose(read.input, by_hand, atol=1e-9)
+
+
+def test_resampling_follows_the_same_rules(tmp_path):
+    path = csv_of(tmp_path, ramp(60, 0.05))
+    fine, coarse = read_csv(path, PLAIN), read_csv(path, PLAIN, 0.2)
+    again = resample(fine, 0.2)
+    assert again.dt_s == 0.2
+    np.testing.assert_allclose(again.output, coarse.output, atol=1e-9)
+    np.testing.assert_allclose(again.input, coarse.input, atol=1e-9)
+
+
+def test_columns_are_named_scaled_and_gated(tmp_path):
+    settings = RecordingSettings(
+        time="ms",
+        input="u",
+        output="v",
+        columns={
+            "ms": ColumnSettings(scale=0.001),
+            "u": ColumnSettings(scale=1000.0, offset=10.0),
+            "rpm": ColumnSettings(signal="engine_speed_rpm", scale=0.125),
+        },
+        active_when=ActiveWhen(column="safe", above=0.5),
+    )
+    rows = [f"{100 * k},0.5,1.5,16800,{'' if k == 15 else int(k >= 5)},x{k}" for k in range(20)]
+    read = read_csv(csv_of(tmp_path, rows, "ms,u,v,rpm,safe,remark"), settings)
+    np.testing.assert_allclose(read.input[:15], [0.0] * 5 + [510.0] * 10)
+    assert read.input[15] == 510.0  # the cell without a flag is not measured; the value before it is held
+    assert set(read.columns) == {INPUT, OUTPUT, "engine_speed_rpm", "safe"}
+    assert set(read.context()) == {"engine_speed_rpm"}
+    assert read.context()["engine_speed_rpm"][0] == 2100.0
+    assert read.notes == (
+        "safe: 1 of 20 cells hold no number, not measured",
+        "remark: holds no number, left out",
+        "input set to 0 in 5 of 20 rows: safe is not above 0.5",
+    )
+
+
+def test_another_output_leaves_the_recorded_speed_in_place(tmp_path):
+    path = csv_of(
+        tmp_path,
+        [f"{row},{k}" for k, row in enumerate(ramp())],
+        "time_s,pump_current_ma,ground_speed_mps,wheel_speed_mps",
+    )
+    read = read_csv(path, RecordingSettings(output="wheel_speed_mps"))
+    np.testing.assert_allclose(read.output, np.arange(20))
+    np.testing.assert_allclose(read.columns["recorded_ground_speed_mps"], 0.2 * np.arange(20), atol=1e-9)
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+def test_separators_blank_lines_and_spaces_do_not_matter(tmp_path, separator):
+    lines = ["time_s,pump_current_ma , ground_speed_mps", *ramp(), "", ""]
+    assert len(read_csv(file_of(tmp_path, "\r\n".join(lines).replace(",", separator)), PLAIN)) == 20
+
+
+def test_a_gap_stays_a_gap(tmp_path):
+    rows = ramp(60)
+    read = read_csv(csv_of(tmp_path, rows[:20] + rows[51:]), PLAIN)
+    assert len(read) == 60
+    assert np.isnan(read.output[20:51]).all()
+    assert np.isfinite(read.output[:20]).all()
+    assert np.isfinite(read.output[51:]).all()
+    assert "ground_speed_mps: gap of 3.2 s at t=1.9 s" in read.notes
+    assert resample(read, 0.1).notes == read.notes
+
+
+def test_a_slow_signal_lives_as_long_as_its_own_period_says(tmp_path):
+    rows = [f"{row},{60 + k if k % 10 == 0 else ''}" for k, row in enumerate(ramp(60))]
+    read = read_csv(csv_of(tmp_path, rows, "time_s,pump_current_ma,ground_speed_mps,oil_temperature_c"), PLAIN)
+    np.testing.assert_allclose(read.context()["oil_temperature_c"][:51], 60.0 + np.arange(51), atol=1e-9)
+
+
+def test_bad_cells_and_rows_are_counted_not_taken(tmp_path):
+    rows = ramp()
+    rows[3] = "0.3,n/a,nan"
+    rows[5] = "0.5,inf,1.0"
+    rows[7] = ",70,1.4"
+    rows[9] = "0.9,90"
+    rows.insert(12, rows[12])
+    rows[-1] = "1.9"  # cut off while it was written
+    read = read_csv(csv_of(tmp_path, rows), PLAIN)
+    assert len(read) == 20
+    np.testing.assert_allclose(read.output[:19], 0.2 * np.arange(19), atol=1e-9)
+    assert read.notes == (
+        "1 rows have no time, left out",
+        "1 rows repeat the time of the next one, left out",
+        "pump_current_ma: 3 of 19 cells hold no number, not measured",
+        "ground_speed_mps: 3 of 19 cells hold no number, not measured",
+    )
+
+
+def changed(rows: list[str], index: int, row: str) -> list[str]:
+    return [*rows[:index], row, *rows[index + 1 :]]
+
+
+@pytest.mark.parametrize(
+    ("header", "rows", "expected"),
+    [
+        (
+            "time_s,current,ground_speed_mps",
+            ramp(),
+            "drive.csv:1: no column 'pump_current_ma' for input; did you mean 'current'?",
+        ),
+        ("time_s,current,ground_speed_mps", ramp(), "choose with --input NAME, or input: in the settings"),
+        (
+            "time_s,pump_current_ma,v",
+            ramp(),
+            "for output; it has time_s, pump_current_ma, v; choose with --output NAME",
+        ),
+        ("time_s,pump_current_ma,ground_sped_mps", ramp(), "did you mean 'ground_sped_mps'?"),
+        ("t,pump_current_ma,ground_speed_mps", ramp(), "no column 'time_s' for time"),
+        ("time_s,pump_current_ma,pump_current_ma", ramp(), "several columns are named pump_current_ma"),
+        ("0.0,1.0,2.0", ramp(), "drive.csv:1: no header line"),
+        ("", [], "drive.csv:1: no header line"),
+        (None, changed(ramp(), 7, "0.55,70,1.4"), "drive.csv:9: time runs backwards, from 0.6 s to 0.55 s; split"),
+        (None, changed(ramp(), 7, "0.7,70,1.4,9"), "drive.csv:9: 4 cells, but the header names 3 columns"),
+        (None, ramp(9), "9 usable rows are too few; a recording needs 10 at least"),
+        (None, [], "0 usable rows are too few"),
+        (None, [f"{k / 10},x,1" for k in range(20)], "pump_current_ma holds no number at all; choose another column"),
+        (None, [*ramp(), "1e9,1,1"], "samples of 0.1 s, too many; the longest step is at 1.9 s"),
+    ],
+)
+def test_a_file_that_cannot_be_used_says_why(tmp_path, header, rows, expected):
+    path = csv_of(tmp_path, rows) if header is None else csv_of(tmp_path, rows, header)
+    with pytest.raises(RecordingError) as caught:
+        read_csv(path, PLAIN)
+    assert expected in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("settings", "expected"),
+    [
+        (RecordingSettings(columns={"gaer": ColumnSettings()}), "no column 'gaer' for columns"),
+        (RecordingSettings(active_when=ActiveWhen(column="safe")), "no column 'safe' for active_when"),
+        (RecordingSettings(columns={"time_s": ColumnSettings(scale=0.0)}), "1 usable rows are too few"),
+        (RecordingSettings(input="ground_speed_mps", output="ground_speed_mps"), "both input and output"),
+    ],
+)
+def test_settings_that_do_not_fit_the_file_say_so(tmp_path, settings, expected):
+    with pytest.raises(RecordingError, match=expected):
+        read_csv(csv_of(tmp_path, ramp()), settings)
+
+
+@pytest.mark.parametrize("dt_s", [0.0, -0.1, float("nan"), float("inf")])
+def test_an_impossible_period_is_refused(tmp_path, dt_s):
+    with pytest.raises(RecordingError, match="sampling period"):
+        read_csv(csv_of(tmp_path, ramp()), PLAIN, dt_s)
+
+
+def test_files_that_are_not_there_or_not_text(tmp_path):
+    with pytest.raises(RecordingError, match="no such file"):
+        read_csv(tmp_path / "none.csv", PLAIN)
+    with pytest.raises(RecordingError, match="Is a directory"):
+        read_csv(tmp_path, PLAIN)
+    (tmp_path / "f.csv").write_bytes(b"time_s,\xff\xfe\n")
+    with pytest.raises(RecordingError, match="not UTF-8"):
+        read_csv(tmp_path / "f.csv", PLAIN)
+
+
+@hypothesis.settings(max_examples=200)
+@given(
+    st.lists(st.lists(st.sampled_from(["", "0", "1", "x", "nan", "-1", "1e9", '"', "0.1"]), max_size=4), max_size=15)
+)
+def test_any_rows_give_a_recording_or_a_recording_error(rows):
+    with tempfile.TemporaryDirectory() as folder:
+        path = csv_of(Path(folder), [",".join(row) for row in rows])
+        try:
+            read = read_csv(path, PLAIN)
+        except RecordingError:
+            return
+    assert len(read) >= 10
+
+
+def test_a_part_of_a_recording_is_one():
+    whole = recording()
+    part = whole[10:30]
+    assert len(part) == 20
+    assert (part.source, part.notes, part.dt_s) == (whole.source, whole.notes, whole.dt_s)
+    np.testing.assert_array_equal(part.input, whole.input[10:30])
+    np.testing.assert_array_equal(part.time_s, whole.time_s[10:30])
+    with pytest.raises(RecordingError, match="use resample"):
+        whole[::2]
+
+
+def test_a_recording_cannot_be_written_to_and_leaves_its_arrays_alone():
+    speeds = np.ones(20)
+    made = Recording(np.arange(20) * 0.1, {INPUT: np.ones(20), OUTPUT: speeds}, 0.1, "x")
+    with pytest.raises(ValueError, match="read-only"):
+        made.output[0] = 2.0
+    speeds[0] = 1.0
+
+
+@pytest.mark.parametrize(
+    ("columns", "time_s", "expected"),
+    [
+        ({INPUT: np.ones(20)}, np.arange(20) * 0.1, "no signal ground_speed_mps; it has pump_current_ma"),
+        ({INPUT: np.ones(20), OUTPUT: np.ones(19)}, np.arange(20) * 0.1, "ground_speed_mps has shape"),
+        ({INPUT: np.ones(20), OUTPUT: np.ones(20)}, np.arange(20) * 0.11, "does not rise in steps of 0.1 s"),
+    ],
+)
+def test_a_recording_is_uniform_and_complete(columns, time_s, expected):
+    with pytest.raises(RecordingError, match=expected):
+        Recording(time_s, columns, 0.1, "x")
+
+
+def test_every_measured_drive_is_read(dart):
+    files = sorted(dart.rglob("*.csv"))
+    assert len(files) == 39
+    for file in files:
+        read = read_csv(file, DART)
+        assert read.dt_s == pytest.approx(0.1)
+        assert np.isfinite(read.input).all()
+        assert np.isfinite(read.output).all()
+        assert read.input.min() >= -1e-9
+        assert read.input.max() <= 1.0
+        assert {"current", "voltage", "safety_value", "steering"} <= set(read.columns)
+
+
+def test_the_throttle_of_a_measured_drive_acts_only_while_safe(dart):
+    file = dart / "19_step_input_data" / "car_1_Datarecording_01_22_2024_15_01_37.csv"
+    gated = read_csv(file, DART)
+    raw = read_csv(file, RecordingSettings(time=DART.time, input=DART.input, output=DART.output))
+    unsafe = gated.columns["safety_value"] == 0.0
+    np.testing.assert_array_equal(gated.output, raw.output)
+    assert raw.input[unsafe].max() > 0.1
+    assert gated.input[unsafe].max() == 0.0
+    np.testing.assert_array_equal(gated.input[~unsafe], raw.input[~unsafe])

@@ -22,8 +22,6 @@ from cruise.can.messages import FORWARD, REVERSE, Direction
 from cruise.can.settings import CanSettings
 from cruise.signals import Reading
 
-__all__ = ["CanSettings", "Codec", "CodecState", "Decoded", "Frame", "FrameFault"]
-
 _LAST_COUNT: Final = protection.COUNTS - 1  # so that the first frame carries 0
 
 

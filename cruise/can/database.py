@@ -94,18 +94,25 @@ def _problems(contract: Contract, database: Database) -> Iterator[str]:
         yield f"message {contract.name}: {message.length} bytes long, expected {FRAME_BYTES}; correct the length (BO_)"
     signals = {signal.name: signal for signal in message.signals}
     widths = {**contract.signals, **({name: bits for name, (_, bits) in _PROTECTION.items()} if contract.own else {})}
-    for name, bits in widths.items():
-        problem = _signal_problem(signals.get(name), name, bits, contract)
+    for name in widths | signals:
+        problem = _signal_problem(signals.get(name), name, widths.get(name), contract)
         if problem:
             yield f"message {contract.name}, signal {name}: {problem}"
 
 
-def _signal_problem(signal: Signal | None, name: str, bits: int, contract: Contract) -> str | None:
+def _signal_problem(signal: Signal | None, name: str, bits: int | None, contract: Contract) -> str | None:
+    """Return what is wrong with a signal; one that the contract does not know (`bits` None) may be there, if plain."""
     if signal is None:
         return "missing; add it (SG_) as config/cruise.dbc has it"
-    if signal.length != bits:
+    if bits is not None and signal.length != bits:
         return f"{signal.length} bits wide, expected {bits}; correct the width (SG_)"
-    if signal.byte_order != "little_endian" or signal.is_signed or signal.is_float or signal.multiplexer_ids:
+    if (
+        signal.byte_order != "little_endian"
+        or signal.is_signed
+        or signal.is_float
+        or signal.is_multiplexer
+        or signal.multiplexer_ids
+    ):
         return "not a plain unsigned little-endian signal; write it as @1+, with an offset for what is negative"
     if contract.own and name in _PROTECTION and signal.start != _PROTECTION[name][0]:
         return f"starts at bit {signal.start}, E2E profile 1 has it at bit {_PROTECTION[name][0]}; move it (SG_)"

@@ -33,6 +33,7 @@ STATUS: Final = {  # TPDO object: scale in its unit per bit, lowest and highest 
     "pump_current_ma": (0.05, -32767, 32767, -32768),
     "engagement_state": (1.0, 0, 0xFA, 0xFF),
 }
+ROUNDING_S: Final = 1e-6  # s, what sums of periods may be off; a tick is not left out for it
 COMMANDS: Final = {"setpoint_mps": 0.001, "cruise_enable": 1.0}  # RPDO object: scale in its unit per bit
 
 
@@ -67,28 +68,27 @@ class _Task(PeriodicMessageTask):
 
 
 class _Network(canopen.Network):
-    """The library's network without a bus: what it sends is collected in `outbox`, with the time `now_s`."""
+    """The library's network without a bus: what it sends is collected in `outbox`, identifier and data."""
 
     def __init__(self) -> None:
         super().__init__()
-        self.now_s = 0.0
-        self.outbox: list[Frame] = []
+        self.outbox: list[tuple[int, bytes]] = []
         self.tasks: list[_Task] = []
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
-        self.outbox.append(_frame(can_id, data, self.now_s))
+        self.outbox.append((can_id, bytes(data)))
 
     def send_periodic(self, can_id: int, data: bytes, period: float, remote: bool = False) -> PeriodicMessageTask:
         task = _Task(can_id, data, period, None, remote)
         self.tasks.append(task)
         return task
 
-    def tick(self) -> None:
+    def tick(self, now_s: float) -> None:
         """Send what is due."""
         self.tasks = [task for task in self.tasks if task.running]
         for task in self.tasks:
-            if self.now_s >= task.next_s:
-                task.next_s = _next(task.next_s, task.period, self.now_s)
+            if _is_due(task.next_s, now_s):
+                task.next_s = _next(task.next_s, task.period, now_s)
                 self.send_message(task.msg.arbitration_id, bytes(task.msg.data))
 
 
@@ -106,6 +106,7 @@ class CanopenNode:
         self._rpdo = self._node.rpdo[1]
         self._tpdo = self._node.tpdo[1]
         self._readings: list[Reading] = []
+        self._received_s = 0.0
         self._status_due_s = -math.inf
 
     @classmethod
@@ -137,7 +138,7 @@ class CanopenNode:
         """Take any frame in and return what it sets, NaN where it says "not available"; never raises."""
         if frame.is_extended_id or frame.is_error_frame or frame.is_remote_frame or not self._concerns(frame):
             return ()
-        self._network.now_s = frame.timestamp
+        self._received_s = frame.timestamp
         self._network.notify(frame.arbitration_id, frame.data, frame.timestamp)
         if frame.arbitration_id == self._rpdo.cob_id:
             for variable in self._rpdo:
@@ -147,16 +148,15 @@ class CanopenNode:
 
     def tick(self, now_s: float, status: NodeStatus) -> list[Frame]:
         """Return what is to be sent at `now_s`: boot-up, heartbeat, status, answers to what was received."""
-        self._network.now_s = now_s
         if self.state == "INITIALISING":
             self._node.nmt.state = "INITIALISING"  # sends the boot-up message
             self._node.nmt.state = "PRE-OPERATIONAL"
-        self._network.tick()
-        if now_s >= self._status_due_s:
+        self._network.tick(now_s)
+        if _is_due(self._status_due_s, now_s):
             self._status_due_s = _next(self._status_due_s, (self._tpdo.event_timer or 100) / 1000.0, now_s)
             self._publish(status)
-        frames, self._network.outbox = self._network.outbox, []
-        return frames
+        outbox, self._network.outbox = self._network.outbox, []
+        return [Frame(now_s, can_id, is_extended_id=False, data=data, is_rx=False) for can_id, data in outbox]
 
     def _concerns(self, frame: Frame) -> bool:
         if frame.arbitration_id == self._rpdo.cob_id:
@@ -174,7 +174,7 @@ class CanopenNode:
             signal = SIGNALS[od.name]
             if not signal.low <= value <= signal.high:
                 value = math.nan
-            self._readings.append(Reading(od.name, self._network.now_s, value))
+            self._readings.append(Reading(od.name, self._received_s, value))
 
     def _publish(self, status: NodeStatus) -> None:
         for variable in self._tpdo:
@@ -190,9 +190,10 @@ def _raw(name: str, value: float) -> int:
     return round(raw) if low <= raw <= high else not_available
 
 
+def _is_due(due_s: float, now_s: float) -> bool:
+    return now_s >= due_s - ROUNDING_S
+
+
 def _next(due_s: float, period_s: float, now_s: float) -> float:
+    """Return when a message is due again: in step, or from now on where a whole period was missed."""
     return due_s + period_s if due_s + period_s > now_s else now_s + period_s
-
-
-def _frame(can_id: int, data: bytes, time_s: float) -> Frame:
-    return Frame(timestamp=time_s, arbitration_id=can_id, is_extended_id=False, data=data, is_rx=False)

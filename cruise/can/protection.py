@@ -5,7 +5,7 @@
 
 The library computes and checks the CRC and increments the counter; what to make of the counter is decided here.
 
-Source: AUTOSAR FO R20-11, Specification of E2E Protocol, 6.3 (PRS_E2EProtocol): E2E_P01Protect, E2E_P01Check.
+Source: AUTOSAR FO R20-11, E2E Protocol Specification (document 849), profile 1: E2E_P01Protect, E2E_P01Check.
 """
 
 from typing import Final

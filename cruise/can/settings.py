@@ -21,7 +21,7 @@ class SourceAddresses(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
     engine: Address | None = 0x00  # engine 1
     transmission: Address | None = 0x03  # transmission 1; also the drive's electronics
     machine: Address | None = 0xF0  # tractor ECU; speeds, oil, mass
-    slope_sensor: Address | None = 0xE2  # the address that inclinometers leave the factory with, e.g. Honeywell MV5
+    slope_sensor: Address | None = 0xE2  # 226, as in the DBC file of the MV5 inclinometer
 
 
 class ProprietaryPgns(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

@@ -39,7 +39,14 @@ def draw(result: Result, path: Path) -> Path:
     current.set_ylabel("pump current command (mA)")
     opened = columns["gate_open"] > 0.5
     current.fill_between(
-        time_s, 0, 1, where=opened.tolist(), transform=current.get_xaxis_transform(), color=GREEN, alpha=0.12, lw=0,
+        time_s,
+        0,
+        1,
+        where=opened.tolist(),
+        transform=current.get_xaxis_transform(),
+        color=GREEN,
+        alpha=0.12,
+        lw=0,
         label="the model learns",
     )
     current.legend(loc="lower right", fontsize="small")

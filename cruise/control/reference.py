@@ -14,8 +14,8 @@ import msgspec
 class ReferenceSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """How briskly the machine may be asked to change its speed."""
 
-    accel_mps2: float = 0.6  # m/s2, below the limit of 1.0, which is kept for disturbances
-    jerk_mps3: float = 1.2  # m/s3, comfortable for a standing person (ISO 2631-1 speaks of 0.5 to 2)
+    accel_mps2: float = 0.5  # m/s2, half the limit of 1.0: the rest is kept for disturbances
+    jerk_mps3: float = 0.8  # m/s3, comfortable for a standing person (ISO 2631-1 speaks of 0.5 to 2)
 
 
 class Reference:

@@ -22,6 +22,7 @@ from cruise.signals import CONTEXT, INPUT, OUTPUT, Sample
 FAST_MESSAGE = "DriveFeedback"  # speed and current that the model lives on; other messages only add context
 _OPERATOR = ("cruise_enable", "cruise_set", "cruise_resume", "cruise_accelerate", "cruise_coast")
 _SAFETY = ("brake_pedal", "clutch_pedal", "lever_pct")
+_SAMPLED = (INPUT, OUTPUT, *CONTEXT, "brake_pedal", "clutch_pedal")
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +53,7 @@ class CruiseNode:
         self.settings = settings
         self.period_s = settings.control.frame_s
         self.codec = codec
-        self.sampler = StreamSampler(settings.sampling)
+        self.sampler = StreamSampler(settings.sampling, _SAMPLED)
         self.estimator = Estimator(model, settings.estimator)
         self.supervisor = Supervisor(model, settings.supervision)
         self.controller = Controller(model, settings.control)
@@ -76,7 +77,8 @@ class CruiseNode:
             if reading.name in (INPUT, OUTPUT) and decoded.message != FAST_MESSAGE:
                 continue
             self.latest[reading.name] = (reading.time_s, reading.value)
-            self.sampler.push(reading.name, reading.time_s, reading.value)
+            if reading.name in self.sampler.streams:
+                self.sampler.push(reading.name, reading.time_s, reading.value)
 
     def tick(self, now_s: float) -> list[Frame]:
         """One frame period on: learn and plan where a model period ends, decide who drives, command the pump."""

@@ -9,10 +9,11 @@ from e2e import p01
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cruise.can.codec import CanSettings, Codec, Decoded, Frame, FrameFault
+from cruise.can.codec import Codec, Decoded
 from cruise.can.database import layouts
+from cruise.can.frame import Frame, FrameFault
 from cruise.can.messages import CONTRACTS
-from cruise.can.settings import ProprietaryPgns, SourceAddresses
+from cruise.can.settings import CanSettings, ProprietaryPgns, SourceAddresses
 from cruise.signals import SIGNALS
 
 DBC = Path(__file__).parents[2] / "config" / "cruise.dbc"

@@ -9,14 +9,16 @@ import pytest
 from cantools.database.can import Database
 
 from cruise.can import j1939
-from cruise.can.codec import CanSettings, Codec
+from cruise.can.codec import Codec
 from cruise.can.messages import CONTRACTS
+from cruise.can.settings import CanSettings
 from cruise.settings import SettingsError
 
 DBC = Path(__file__).parents[2] / "config" / "cruise.dbc"
 TEXT = DBC.read_text(encoding="ascii")
 
-STANDARD = {  # PGN, priority, period in ms, {signal: SPN, first byte and bit as the standards count, bits, scale, offset}
+# PGN, priority, period in ms, {signal: SPN, first byte and bit as the standards count, bits, scale, offset}
+STANDARD = {
     "EEC1": (61444, 3, 20, {"engine_speed_rpm": (190, 4, 1, 16, 0.125, 0)}),
     "EEC2": (61443, 3, 50, {"engine_load_pct": (92, 3, 1, 8, 1, 0)}),
     "ETC2": (61445, 6, 100, {"gear": (523, 4, 1, 8, 1, -125)}),
@@ -153,6 +155,12 @@ def test_each_signal_is_missed(tmp_path: Path, contract, signal: str):
         ("24|16@1+ (0.125,0)", "24|8@1+ (0.125,0)", "signal engine_speed_rpm: 8 bits wide, expected 16; correct"),
         ("24|16@1+ (0.125,0)", "24|16@1- (0.125,0)", "signal engine_speed_rpm: not a plain unsigned little-endian"),
         ("24|16@1+ (0.125,0)", "31|16@0+ (0.125,0)", "signal engine_speed_rpm: not a plain unsigned little-endian"),
+        (" SG_ gear :", ' SG_ more : 0|8@1- (1,0) [0|0] "" X\n SG_ gear :', "ETC2, signal more: not a plain unsigned"),
+        (
+            " SG_ gear :",
+            ' SG_ more M : 0|8@1+ (1,0) [0|0] "" X\n SG_ gear :',
+            "ETC2, signal more: not a plain unsigned",
+        ),
         ("EEC1: 8 Engine", "EEC1: 7 Engine", "message EEC1: 7 bytes long, expected 8"),
         ("2364540158", "2364540414", "message EEC1: PGN 61445, expected 61444; correct the identifier"),
         ("2364540158", "500", "message EEC1: not a J1939 broadcast"),
@@ -164,6 +172,16 @@ def test_what_is_there_but_wrong(tmp_path: Path, old: str, new: str, complaint: 
     if "alive" in old:
         text = text.replace("command_active : 12|2", "command_active : 8|2")
     assert complaint in refusal(tmp_path, text)
+
+
+def test_more_signals_in_a_message_than_are_needed(tmp_path: Path):
+    path = tmp_path / "machine.dbc"
+    more = ' SG_ torque_pct : 16|8@1+ (1,-125) [-125|125] "%" Cruise\n SG_ engine_speed_rpm :'
+    path.write_text(TEXT.replace(" SG_ engine_speed_rpm :", more), encoding="ascii")
+    codec = Codec.load(path, CanSettings())
+    sent = codec.encode("EEC1", {"engine_speed_rpm": 1500.0}, 0.0)
+    assert sent.data.hex() == "ffffffe02effffff"
+    assert [reading.name for reading in codec.decode(sent).readings] == ["engine_speed_rpm"]
 
 
 def test_all_problems_at_once(tmp_path: Path):

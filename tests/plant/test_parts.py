@@ -160,6 +160,16 @@ def test_overload_sags_to_where_the_full_load_curve_carries_it() -> None:
     assert engine.full_load_torque_nm(settings, state.speed_radps) == pytest.approx(1325.0, abs=2.0)
 
 
+def test_governor_comes_off_its_limit_without_delay() -> None:
+    settings = EngineSettings()
+    state, speeds_rpm = run_engine(settings, 2100.0, load_nm=1325.0), []
+    for _ in range(1000):
+        state = engine.advance(settings, *state[:3], 2100.0, 300.0, 0.01)
+        speeds_rpm.append(state.speed_radps / RADPS_PER_RPM)
+    assert max(speeds_rpm) < 2300.0
+    assert speeds_rpm[-1] == pytest.approx(2100.0 * (1.0 - 0.03 * 300.0 / 1140.0), rel=1e-3)
+
+
 def test_engine_brakes_what_drives_it() -> None:
     settings = EngineSettings()
     assert run_engine(settings, 2100.0, load_nm=-150.0).speed_radps < 2150.0 * RADPS_PER_RPM

@@ -1,0 +1,91 @@
+"""`cruise replay`: recorded drives through the service."""
+
+import json
+import math
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from cruise import settings
+from cruise.cli.places import CONFIG
+from cruise.model import files
+from cruise.recording import RecordingSettings
+from cruise.service import replay as service
+from cruise.service import settings as service_settings
+
+
+def replay(
+    recordings: Annotated[list[Path], typer.Argument(help="Logs of the bus (.log .asc .blf ...) or tables (.csv).")],
+    test: Annotated[list[Path] | None, typer.Option(help="Recordings to judge on; they teach nothing.")] = None,
+    config: Annotated[Path, typer.Option(help="Settings of the service.")] = CONFIG / "cruise.yaml",
+    columns: Annotated[Path | None, typer.Option(help="How the columns of a table are read.")] = None,
+    input_name: Annotated[str | None, typer.Option("--input", help="Column of the current.")] = None,
+    output_name: Annotated[str | None, typer.Option("--output", help="Column of the speed.")] = None,
+    save: Annotated[Path | None, typer.Option(help="Model file to write what was learned to.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON and nothing else.")] = False,
+) -> None:
+    """Put recordings on the bus as frames, let the service learn from them, and judge what it learned on others."""
+    read = settings.load(columns, RecordingSettings) if columns else RecordingSettings()
+    read = RecordingSettings(
+        time=read.time,
+        input=input_name or read.input,
+        output=output_name or read.output,
+        columns=read.columns,
+        active_when=read.active_when,
+    )
+    loaded = service_settings.load(config)
+    model = files.load(loaded.model)
+    taught = service.replay(recordings, loaded, model, read)
+    status = taught.node.status(taught.node.ticks * taught.node.period_s)
+    report = {
+        "recordings": [str(path) for path in recordings],
+        "samples": sum(len(one) for one in taught.recordings),
+        "parameters": dict(zip(model.parameter_names, status.learned.theta, strict=True)),
+        "standard_errors": dict(zip(model.parameter_names, status.learned.theta_std, strict=True)),
+        "error_ahead_mps": {name: value for name, value in status.rms_ahead_mps.items() if math.isfinite(value)},
+        "frame_faults": {name: count for name, count in sorted(status.faults.items()) if name != "unknown"},
+    }
+    if test:
+        unseen = service.replay(test, loaded, model, read)
+        report["test"] = {
+            "recordings": [str(path) for path in test],
+            **asdict(service.judge(taught, unseen.recordings)),
+        }
+    if save is not None:
+        note = "learned online by cruise replay"
+        names = tuple(one.source for one in taught.recordings)
+        provenance = files.Provenance(recordings=names, samples=report["samples"], made_by="cruise replay", note=note)
+        files.save(save, status.learned, provenance)
+    if as_json:
+        print(json.dumps(report, indent=2))
+    else:
+        _print(report)
+
+
+def _print(report: dict) -> None:
+    console = Console(highlight=False)
+    console.print(f"{len(report['recordings'])} recordings, {report['samples']} samples")
+    table = Table(box=box.SIMPLE_HEAD)
+    for heading in ("parameter", "learned", "+-"):
+        table.add_column(heading, justify="left" if heading == "parameter" else "right")
+    for name, value in report["parameters"].items():
+        table.add_row(name, f"{value:.5g}", f"{report['standard_errors'][name]:.2g}")
+    console.print(table)
+    if report["frame_faults"]:
+        console.print(f"faulty frames: {report['frame_faults']}")
+    judged = report.get("test")
+    if judged is None:
+        errors = ", ".join(f"{name} {value:.3f} m/s" for name, value in report["error_ahead_mps"].items())
+        console.print(f"running error 3 s ahead: {errors or 'nothing judged yet'}")
+        return
+    table = Table(box=box.SIMPLE_HEAD)
+    table.add_column(f"{judged['horizon_s']:g} s ahead on {len(judged['recordings'])} unseen recordings")
+    table.add_column("RMS error m/s", justify="right")
+    for name in ("online", "batch", "factory", "persistence"):
+        table.add_row(name, f"{judged[f'{name}_mps']:.3f}")
+    console.print(table)

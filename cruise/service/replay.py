@@ -1,0 +1,131 @@
+"""Recorded drives through the very same service: put on the bus as frames, sampled, learned from, judged on others.
+
+A log of the bus is played as it is. A table of columns becomes the frames that a machine with these signals would send.
+Nothing here learns or predicts by itself: the node does.
+"""
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from cruise.can.codec import Codec
+from cruise.can.frame import Frame
+from cruise.can.log import read_log
+from cruise.identification.least_squares import fit
+from cruise.identification.shapes import ahead_rms_mps
+from cruise.model.model import Model
+from cruise.recording import Recording, RecordingError, RecordingSettings, read_csv
+from cruise.service.combine_node import MESSAGES
+from cruise.service.cruise_node import FAST_MESSAGE, CruiseNode
+from cruise.service.settings import CruiseSettings
+from cruise.signals import CONTEXT, INPUT, OUTPUT, Sample
+
+PAUSE_S: Final = 5.0  # s of silence between two files: longer than any signal stays fresh, so that nothing is joined
+LEAD_S: Final = 0.01  # s, first frame after the start of its file
+
+
+@dataclass(frozen=True, slots=True)
+class Replayed:
+    """What came of replaying: the node that learned, and each file as it sampled it."""
+
+    node: CruiseNode
+    recordings: tuple[Recording, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """3 s ahead errors in m/s on recordings that taught nothing."""
+
+    online_mps: float
+    batch_mps: float
+    factory_mps: float
+    persistence_mps: float
+    horizon_s: float
+    samples: int
+
+
+def replay(
+    paths: Sequence[str | Path],
+    settings: CruiseSettings,
+    model: Model,
+    columns: RecordingSettings,
+) -> Replayed:
+    """Play every file, one after the other, to one node."""
+    node = CruiseNode(settings, model, Codec.load(settings.database, settings.can))
+    sender = Codec.load(settings.database, settings.can)
+    recordings, start_s = [], 0.0
+    for path in paths:
+        samples = list(_play(frames_of(path, columns, sender), node, start_s))
+        if not samples:
+            raise RecordingError(f"{path}: no frame in it that the service can use")
+        recordings.append(_recording(samples, model.period_s, Path(path).name))
+        start_s = node.ticks * node.period_s + PAUSE_S
+        while node.ticks * node.period_s < start_s:
+            node.tick((node.ticks + 1) * node.period_s)
+    return Replayed(node, tuple(recordings))
+
+
+def frames_of(path: str | Path, columns: RecordingSettings, sender: Codec) -> Iterator[Frame]:
+    """The frames of a file, times from zero: a table by its name, a log of the bus otherwise."""
+    if Path(path).suffix.lower() == ".csv":
+        yield from _frames_of_table(read_csv(path, columns), sender)
+        return
+    origin_s = math.nan
+    for frame in read_log(path):
+        if math.isnan(origin_s):
+            origin_s = math.floor(frame.timestamp)  # whole seconds: where a tick fell, it falls again
+        frame.timestamp -= origin_s
+        yield frame
+
+
+def judge(taught: Replayed, unseen: Sequence[Recording], horizon_s: float = 3.0) -> Judged:
+    """The online model beside batch least squares on the same samples, the factory model and persistence."""
+    factory = taught.node.estimator.factory
+    horizon = max(round(horizon_s / factory.period_s), 1)
+    held = np.concatenate([one.output[horizon:] - one.output[:-horizon] for one in unseen if len(one) > horizon])
+    held = held[np.isfinite(held)]
+    return Judged(
+        online_mps=ahead_rms_mps(taught.node.estimator.snapshot(), unseen, horizon_s),
+        batch_mps=ahead_rms_mps(fit(factory, taught.recordings), unseen, horizon_s),
+        factory_mps=ahead_rms_mps(factory, unseen, horizon_s),
+        persistence_mps=float(np.sqrt(np.mean(held**2))),
+        horizon_s=horizon_s,
+        samples=len(held),
+    )
+
+
+def _play(frames: Iterable[Frame], node: CruiseNode, start_s: float) -> Iterator[Sample]:
+    """Hand the frames to the node in time, and give every sample that it takes."""
+    for frame in frames:
+        frame.timestamp += start_s
+        # A frame counts for the tick at whose instant it is there, as it does on a bus.
+        while (node.ticks + 1) * node.period_s < frame.timestamp - 1e-6:
+            before = node.sample
+            node.tick((node.ticks + 1) * node.period_s)
+            if node.sample is not None and node.sample is not before:
+                yield node.sample
+        node.receive(frame)
+
+
+def _frames_of_table(recording: Recording, sender: Codec) -> Iterator[Frame]:
+    context = recording.context()
+    for k in range(len(recording)):
+        time_s = k * recording.dt_s + LEAD_S
+        fast = {INPUT: float(recording.input[k]), OUTPUT: float(recording.output[k])}
+        yield sender.encode(FAST_MESSAGE, fast, time_s)
+        for outgoing in MESSAGES:
+            values = {name: float(context[name][k]) for name, _ in outgoing.signals if name in context}
+            if values and not {INPUT, OUTPUT} & set(values):
+                yield sender.encode(outgoing.message, values, time_s)
+
+
+def _recording(samples: Sequence[Sample], period_s: float, source: str) -> Recording:
+    names = [name for name in CONTEXT if any(math.isfinite(sample.signals[name]) for sample in samples)]
+    columns = {name: np.array([sample.signals[name] for sample in samples]) for name in names}
+    columns[INPUT] = np.array([sample.current_ma for sample in samples])
+    columns[OUTPUT] = np.array([sample.speed_mps for sample in samples])
+    return Recording(period_s * np.arange(1, len(samples) + 1), columns, period_s, source)

@@ -1,0 +1,207 @@
+"""The CANopen node: boot-up, heartbeat, NMT, PDO and SDO by hand-written bytes of CiA 301, in lockstep on a bus."""
+
+import math
+import random
+import threading
+from pathlib import Path
+
+import pytest
+
+from cruise.can.bus import open_bus
+from cruise.can.frame import Frame
+from cruise.can.node import CanopenNode, CanopenSettings, NodeStatus
+from cruise.can.settings import CanSettings
+from cruise.settings import SettingsError
+
+EDS = Path(__file__).parents[2] / "config" / "cruise.eds"
+STATUS = NodeStatus(ground_speed_mps=-1.5, followed_setpoint_mps=2.0, pump_current_ma=-612.35, engagement_state=2.0)
+START, STOP, PRE_OPERATIONAL, RESET = "0111", "0211", "8011", "8111"  # for node 17 = 0x11
+
+
+def node() -> CanopenNode:
+    return CanopenNode.load(EDS, CanopenSettings(node_id=0x11))
+
+
+def frame(identifier: int, data: str, time_s: float = 0.0) -> Frame:
+    return Frame(arbitration_id=identifier, is_extended_id=False, data=bytes.fromhex(data), timestamp=time_s)
+
+
+def sent(end: CanopenNode, now_s: float, status: NodeStatus = STATUS) -> list[tuple[int, str]]:
+    frames = end.tick(now_s, status)
+    assert all(f.timestamp == now_s and not f.is_extended_id for f in frames)
+    return [(f.arbitration_id, f.data.hex()) for f in frames]
+
+
+def started() -> CanopenNode:
+    end = node()
+    end.tick(0.0, STATUS)
+    end.receive(frame(0, START))
+    return end
+
+
+def values(end: CanopenNode, received: Frame) -> dict[str, float]:
+    return {reading.name: reading.value for reading in end.receive(received)}
+
+
+def test_boot_up_then_heartbeat_every_half_second():
+    end = node()
+    assert sent(end, 0.0) == [(0x711, "00"), (0x711, "7f")]
+    beats = [(k, sent(end, 0.1 * k)) for k in range(1, 21)]
+    assert [(k, frames) for k, frames in beats if frames] == [(k, [(0x711, "7f")]) for k in (5, 10, 15, 20)]
+
+
+def test_nmt():
+    end = node()
+    end.tick(0.0, STATUS)
+    for command, state, beat in (
+        (START, "OPERATIONAL", "05"),
+        (STOP, "STOPPED", "04"),
+        ("8000", "PRE-OPERATIONAL", "7f"),
+    ):
+        end.receive(frame(0, command))
+        assert end.state == state
+        assert end.neutral_requested == (state == "STOPPED")
+        assert (0x711, beat) in sent(end, {"05": 1.0, "04": 2.0, "7f": 3.0}[beat])
+    for other in ("0112", "5011", "ff11", "01", ""):  # another node, no command of CiA 301, too short
+        end.receive(frame(0, other))
+        assert end.state == "PRE-OPERATIONAL"
+
+
+def test_a_reset_boots_again():
+    end = started()
+    end.receive(frame(0, RESET))
+    assert sent(end, 0.05) == [(0x711, "00"), (0x711, "7f")]
+    assert end.state == "PRE-OPERATIONAL"
+
+
+def test_the_setpoint_comes_in():
+    end = started()
+    readings = end.receive(frame(0x211, "d00701", 4.5))  # 2000 = 0x07D0
+    assert [(r.name, r.value, r.time_s) for r in readings] == [("setpoint_mps", 2.0, 4.5), ("cruise_enable", 1.0, 4.5)]
+
+
+@pytest.mark.parametrize("data", ["ffffff", "e12e02"])  # not available; 12.001 m/s and switch state 2
+def test_what_is_no_setpoint(data: str):
+    assert all(math.isnan(value) for value in values(started(), frame(0x211, data)).values())
+
+
+@pytest.mark.parametrize("command", [STOP, PRE_OPERATIONAL])
+def test_no_pdo_unless_operational(command: str):
+    end = started()
+    end.receive(frame(0, command))
+    assert values(end, frame(0x211, "d00701")) == {}
+    assert not [f for f in sent(end, 5.0) if f[0] == 0x191]
+
+
+def test_no_sdo_when_stopped():
+    end = started()
+    end.receive(frame(0, STOP))
+    end.receive(frame(0x611, "4017100000000000"))
+    assert [identifier for identifier, _ in sent(end, 0.01)] == []
+
+
+def test_frames_that_are_not_taken():
+    end = started()
+    assert values(end, frame(0x211, "d007")) == {}
+    assert values(end, frame(0x212, "d00701")) == {}
+    extended = Frame(arbitration_id=0x211, data=bytes.fromhex("d00701"))
+    assert values(end, extended) == {}
+
+
+def test_the_status_goes_out_every_100_ms():
+    end = started()
+    # -1500 = 0xFA24, 2000 = 0x07D0, -12247 = 0xD029, state 2
+    assert [sent(end, 0.05 * k) for k in range(1, 5)] == [
+        [],
+        [(0x191, "24fad00729d002")],
+        [],
+        [(0x191, "24fad00729d002")],
+    ]
+
+
+def test_a_status_that_is_not_known():
+    unknown = NodeStatus(math.nan, math.nan, math.inf, math.nan)
+    assert (0x191, "0080ffff0080ff") in sent(started(), 1.0, unknown)
+
+
+def test_sdo():
+    end = started()
+    end.receive(frame(0x611, "4017100000000000"))  # upload of 0x1017: heartbeat time, 500 = 0x01F4
+    assert (0x591, "4b171000f4010000") in sent(end, 0.01)
+    end.receive(frame(0x611, "2b171000c8000000"))  # download of 200 ms
+    assert (0x591, "6017100000000000") in sent(end, 0.02)
+    beats = [now for now in range(3, 63) if (0x711, "05") in sent(end, 0.01 * now)]
+    assert beats == pytest.approx([22, 42, 62], abs=1), "from the write on"
+    end.receive(frame(0x611, "2b00210000000000"))  # the measured speed is not to be written
+    assert (0x591, "8000210002000106") in sent(end, 1.0)
+    end.receive(frame(0x611, "4000300000000000"))  # no such object
+    assert (0x591, "8000300000000206") in sent(end, 1.1)
+
+
+def test_sdo_reads_what_pdos_carry():
+    end = started()
+    end.receive(frame(0x211, "d00701"))
+    sent(end, 1.0)
+    end.receive(frame(0x611, "4000200000000000"))
+    end.receive(frame(0x611, "4000210000000000"))
+    answers = [data for identifier, data in sent(end, 1.01) if identifier == 0x591]
+    assert answers == ["4b002000d0070000", "4b00210024fa0000"]
+
+
+def test_a_setpoint_by_sdo_counts_too():
+    assert values(started(), frame(0x611, "2b002000e8030000")) == {"setpoint_mps": 1.0}
+
+
+def test_in_lockstep_on_a_bus_without_threads():
+    settings = CanSettings(channel="test_node")
+    end, seen, threads = node(), [], threading.active_count()
+    with open_bus(settings) as bus, open_bus(settings) as master:
+        for step in range(101):
+            now_s = 0.01 * step
+            if step == 20:
+                master.send(frame(0, START, now_s))
+            for received in bus.drain():
+                end.receive(received)
+            for outgoing in end.tick(now_s, STATUS):
+                bus.send(outgoing)
+            seen += [(round(f.timestamp, 2), f.arbitration_id) for f in master.drain()]
+    assert [time_s for time_s, identifier in seen if identifier == 0x711] == [0.0, 0.0, 0.5, 1.0]
+    times_s = [time_s for time_s, identifier in seen if identifier == 0x191]
+    assert times_s == pytest.approx([0.1 * k for k in range(2, 11)])
+    assert threading.active_count() == threads
+
+
+@pytest.mark.filterwarnings("default")
+def test_nothing_on_the_bus_makes_the_node_raise(caplog: pytest.LogCaptureFixture):
+    caplog.set_level("CRITICAL")
+    draw, end = random.Random(2), started()
+    for k in range(5000):
+        received = Frame(
+            timestamp=0.001 * k,
+            arbitration_id=draw.choice((0, 0x80, 0x211, 0x611, 0x611, 0x711, 0x7E4, draw.getrandbits(11))),
+            is_extended_id=False,
+            is_remote_frame=draw.random() < 0.05,
+            is_error_frame=draw.random() < 0.05,
+            data=draw.randbytes(draw.randint(0, 8)),
+        )
+        for reading in end.receive(received):
+            assert math.isnan(reading.value) or 0.0 <= reading.value <= 12.0
+        end.tick(0.001 * k, STATUS)
+    assert end.state in ("PRE-OPERATIONAL", "OPERATIONAL", "STOPPED")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "complaint"),
+    [
+        ("[1400]", "[1401]", "not an EDS file that can be used"),
+        ("0x21030010", "0x20000010", "pump_current_ma not mapped in TxPDO1_node17; map it"),
+        ("[FileInfo]", "FileInfo", "not an EDS file that can be used"),
+    ],
+)
+def test_an_eds_file_that_lacks_something(tmp_path: Path, old: str, new: str, complaint: str):
+    path = tmp_path / "machine.eds"
+    path.write_text(EDS.read_text().replace(old, new))
+    with pytest.raises(SettingsError, match=complaint):
+        CanopenNode.load(path, CanopenSettings())
+    with pytest.raises(SettingsError, match=r"none\.eds: cannot be read: No such file"):
+        CanopenNode.load(tmp_path / "none.eds", CanopenSettings())

@@ -1,6 +1,5 @@
 """`cruise record`: what the bus says, into a candump log."""
 
-import time
 from pathlib import Path
 from typing import Annotated
 
@@ -11,6 +10,7 @@ from cruise.can.log import LogWriter
 from cruise.cli.places import CONFIG
 from cruise.cli.run import Running
 from cruise.service import settings as service_settings
+from cruise.service.loop import Ear, serve
 
 
 def record(
@@ -22,9 +22,11 @@ def record(
     settings = service_settings.load(config)
     running = Running()
     with open_bus(settings.can) as bus, LogWriter.create(log, settings.can.channel) as writer:
-        end_s = time.monotonic() + seconds if seconds > 0 else float("inf")
-        while running() and time.monotonic() < end_s:
-            frame = bus.receive(min(time.monotonic() + 0.5, end_s))
-            if frame is not None:
-                writer.write(frame)
+        ended = False
+
+        def until(now_s: float) -> None:
+            nonlocal ended
+            ended = 0.0 < seconds <= now_s
+
+        serve(Ear(writer.write, period_s=0.1), bus, lambda: running() and not ended, until)
         print(f"{writer.frames} frames in {log}")

@@ -39,8 +39,8 @@ def replay(
         active_when=read.active_when,
     )
     loaded = service_settings.load(config)
-    model = files.load(loaded.model)
-    taught = service.replay(recordings, loaded, model, read)
+    taught = service.replay(recordings, loaded, read)
+    model = taught.node.estimator.factory
     status = taught.node.status(taught.node.ticks * taught.node.period_s)
     report = {
         "recordings": [str(path) for path in recordings],
@@ -51,7 +51,7 @@ def replay(
         "frame_faults": {name: count for name, count in sorted(status.faults.items()) if name != "unknown"},
     }
     if test:
-        unseen = service.replay(test, loaded, model, read)
+        unseen = service.replay(test, loaded, read)
         report["test"] = {
             "recordings": [str(path) for path in test],
             **asdict(service.judge(taught, unseen.recordings)),

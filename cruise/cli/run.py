@@ -8,9 +8,7 @@ from typing import Annotated
 import typer
 
 from cruise.can.bus import open_bus
-from cruise.can.codec import Codec
 from cruise.cli.places import CONFIG
-from cruise.model import files
 from cruise.service import settings as service_settings
 from cruise.service.cruise_node import CruiseNode
 from cruise.service.loop import Lateness, serve
@@ -38,7 +36,7 @@ def run(
 ) -> None:
     """Run the cruise control on the bus until it is stopped; the last command is neutral."""
     settings = service_settings.load(config)
-    node = CruiseNode(settings, files.load(settings.model), Codec.load(settings.database, settings.can))
+    node = CruiseNode.load(settings)
     lateness, running = Lateness(), Running()
     lines_at_s = 0.0
 

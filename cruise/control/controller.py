@@ -9,6 +9,7 @@ scaled twice.
 import math
 from collections import deque
 from dataclasses import dataclass
+from enum import IntEnum
 
 import msgspec
 import numpy as np
@@ -34,6 +35,14 @@ class ControlSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
     limits: LimitSettings = LimitSettings()
 
 
+class LimitStatus(IntEnum):
+    """ISO 11783-7, SPN 4307: what keeps the machine from the speed that it is asked for. Only those that we use."""
+
+    NOT_LIMITED = 0
+    LIMITED_HIGH = 2  # it can't go faster
+    LIMITED_LOW = 3  # it can't go slower
+
+
 @dataclass(frozen=True, slots=True)
 class Command:
     """What is sent, and how it came about."""
@@ -42,6 +51,7 @@ class Command:
     reference_mps: float
     disturbance_mps: float
     limited: str  # why the current is not the wanted one, or empty
+    limit_status: LimitStatus = LimitStatus.NOT_LIMITED
 
 
 NEUTRAL = Command(0.0, math.nan, math.nan, "")
@@ -102,7 +112,15 @@ class Controller:
         if current_ma != shaped_ma:
             self.shaper.reset(current_ma)
             self.limited = "current or its rate"
-        return Command(current_ma, self.reference.speed_mps, self.observer.disturbance_mps, self.limited)
+        return Command(
+            current_ma, self.reference.speed_mps, self.observer.disturbance_mps, self.limited, self._limit_status()
+        )
+
+    def _limit_status(self) -> LimitStatus:
+        limits = self.settings.limits
+        if self.wanted_ma >= limits.current_max_ma:
+            return LimitStatus.LIMITED_HIGH
+        return LimitStatus.LIMITED_LOW if self.wanted_ma <= limits.current_min_ma else LimitStatus.NOT_LIMITED
 
     def _watch(self, sample: Sample) -> None:
         """Take a measured sample in, whoever drives."""

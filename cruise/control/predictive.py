@@ -23,7 +23,7 @@ class PredictiveSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unkno
     """The horizon and what it weighs."""
 
     horizon_s: float = 3.0  # s, Coen et al. 2005, section II.B
-    move_weight: float = 4.0  # rho, without unit; less lets the current overshoot into the other branch of the hysteresis
+    move_weight: float = 4.0  # rho, without unit; less lets the current overshoot into the hysteresis' other branch
     accel_max_mps2: float = 1.0  # m/s2, predicted
 
 

@@ -8,7 +8,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any, ClassVar, Final
+from typing import Any, ClassVar, Final, Self
 
 import numpy as np
 
@@ -84,6 +84,11 @@ class Effect(ABC):
     needs: ClassVar[tuple[str, ...]]
     parameters: ClassVar[Mapping[str, Parameter]]
     about: ClassVar[About]
+
+    def reshaped(self, **shape: float) -> Self:
+        """The same effect with other shape parameters."""
+        mine = {name: getattr(self, name) for name in self.parameters}
+        return type(self)(**(mine | shape))
 
     def start(self, like: Value) -> State:
         """The state before the first sample, shaped like `like`; None where there is none."""

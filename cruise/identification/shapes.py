@@ -2,8 +2,9 @@
 
     minimise over the shapes  RMS_h( fit(shapes) ),   fit: batch least squares of a, b, c, c_0 for these shapes
 
-Separable least squares (Golub and Pereyra, SIAM J. Numerical Analysis 10 (1973)) with the multi-step error outside: one step ahead, a wrong
-shape hides behind the last measured speed. Solver: Nelder and Mead within the effects' bounds.
+Separable least squares (Golub and Pereyra, SIAM J. Numerical Analysis 10 (1973)) with the multi-step error outside:
+one step ahead, a wrong shape hides behind the last measured speed. Solver: Nelder and Mead within the effects'
+bounds.
 """
 
 from collections.abc import Sequence
@@ -48,7 +49,7 @@ def fit_shapes(
     def shaped(values: np.ndarray) -> Model:
         new = dict(effects)
         for (name, parameter), value in zip(shapes, values * size, strict=True):
-            new[name] = replace(new[name], **{parameter: float(value)})
+            new[name] = new[name].reshaped(**{parameter: float(value)})
         return fit(replace(model, effects=tuple(new.values())), recordings)
 
     found = optimize.minimize(

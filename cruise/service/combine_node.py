@@ -12,6 +12,7 @@ from cruise.can.codec import Codec
 from cruise.can.frame import Frame
 from cruise.plant import Combine, Inputs, SensorReading
 from cruise.service.course import FieldRow, OperatorRow, value_at
+from cruise.signals import SIGNALS
 
 COMMAND_TIMEOUT_S = 0.2  # s, four periods of the command
 LEVER_START_MA, LEVER_FULL_MA = 360.0, 1150.0  # mA, what the lever's electronics give at its first and last percent
@@ -78,7 +79,8 @@ class CombineNode:
         frames = []
         for reading in self.combine.advance(inputs, now_s):
             assert isinstance(reading, SensorReading)
-            self.shown[reading.sensor, reading.name] = reading.value
+            signal = SIGNALS[reading.name]  # a sensor saturates at the ends of its range
+            self.shown[reading.sensor, reading.name] = min(max(reading.value, signal.low), signal.high)
             if reading.sensor == "drive_feedback" and reading.name == "pump_current_ma":
                 frames.append(self._frame("DriveFeedback", reading.time_s))
         self.ticks += 1

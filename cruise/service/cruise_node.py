@@ -9,19 +9,24 @@ from dataclasses import dataclass
 
 from cruise.can.codec import Codec
 from cruise.can.frame import Frame
+from cruise.can.node import CanopenNode, NodeStatus
 from cruise.control.controller import Command, Controller
 from cruise.control.engagement import Engagement, ExitReason, Situation, State
 from cruise.estimation.estimator import Estimator, Learned
 from cruise.estimation.gate import Gate
 from cruise.estimation.supervision import Supervisor
+from cruise.model import files
 from cruise.model.model import Model
 from cruise.sampling import StreamSampler
 from cruise.service.settings import CruiseSettings
 from cruise.signals import CONTEXT, INPUT, OUTPUT, Sample
 
 FAST_MESSAGE = "DriveFeedback"  # speed and current that the model lives on; other messages only add context
+WHEEL_BASED = 0.0  # ISO 11783-7, SPN 4308: the drive's own speed comes from its gearbox
+SPEED_PERIOD_S = 0.1  # s, of the machine selected speed (ISO 11783-7)
 _OPERATOR = ("cruise_enable", "cruise_set", "cruise_resume", "cruise_accelerate", "cruise_coast")
 _SAFETY = ("brake_pedal", "clutch_pedal", "lever_pct")
+_ASKED = ("setpoint_mps", "cruise_enable")  # what a CANopen panel may ask for instead
 _SAMPLED = (INPUT, OUTPUT, *CONTEXT, "brake_pedal", "clutch_pedal")
 
 
@@ -49,10 +54,13 @@ class Status:
 class CruiseNode:
     """One cruise control: `tick` every `period_s`, `receive` in between."""
 
-    def __init__(self, settings: CruiseSettings, model: Model, codec: Codec) -> None:
+    def __init__(
+        self, settings: CruiseSettings, model: Model, codec: Codec, canopen: CanopenNode | None = None
+    ) -> None:
         self.settings = settings
         self.period_s = settings.control.frame_s
         self.codec = codec
+        self.canopen = canopen
         self.sampler = StreamSampler(settings.sampling, _SAMPLED)
         self.estimator = Estimator(model, settings.estimator)
         self.supervisor = Supervisor(model, settings.supervision)
@@ -62,19 +70,33 @@ class CruiseNode:
         self.latest: dict[str, tuple[float, float]] = {}
         self.faults: Counter[str] = Counter()
         self.ticks = 0
+        self.speed_every = max(round(SPEED_PERIOD_S / self.period_s), 1)
         self.sample: Sample | None = None
         self.learned = Learned(math.nan, math.nan, Gate.WARMING_UP)
         self.command = Command(0.0, math.nan, math.nan, "")
         self.healthy = True
         self.missing: tuple[str, ...] = self.needed
 
+    @classmethod
+    def load(cls, settings: CruiseSettings) -> "CruiseNode":
+        """The node with everything that its settings name. SettingsError where a file is wrong."""
+        canopen = CanopenNode.load(settings.dictionary, settings.canopen) if settings.canopen else None
+        return cls(settings, files.load(settings.model), Codec.load(settings.database, settings.can), canopen)
+
     def receive(self, frame: Frame) -> None:
         """Take one frame in, whatever it is."""
+        by_canopen = self.settings.setpoint_from == "canopen"
+        if self.canopen is not None:
+            for reading in self.canopen.receive(frame):
+                if by_canopen:
+                    self.latest[reading.name] = (reading.time_s, reading.value)
         decoded = self.codec.decode(frame)
         if decoded.fault is not None:
             self.faults[str(decoded.fault)] += 1
         for reading in decoded.readings:
             if reading.name in (INPUT, OUTPUT) and decoded.message != FAST_MESSAGE:
+                continue
+            if by_canopen and reading.name in _ASKED:
                 continue
             self.latest[reading.name] = (reading.time_s, reading.value)
             if reading.name in self.sampler.streams:
@@ -90,8 +112,10 @@ class CruiseNode:
         self.command = self.controller.step(sample, setpoint_mps)
         self.ticks += 1
         frames = [self._command_frame(now_s)]
-        if self.ticks % 2 == 0:
+        if self.ticks % self.speed_every == 0:
             frames.append(self._speed_frame(now_s))
+        if self.canopen is not None:
+            frames += self.canopen.tick(now_s, self._node_status(now_s))
         return frames
 
     def stop(self, now_s: float) -> list[Frame]:
@@ -160,7 +184,7 @@ class CruiseNode:
 
         self.missing = tuple(name for name in self.needed if not math.isfinite(self._value(name, now_s)))
         return Situation(
-            enable=on("cruise_enable"),
+            enable=on("cruise_enable") and not (self.canopen is not None and self.canopen.neutral_requested),
             set=on("cruise_set"),
             resume=on("cruise_resume"),
             accelerate=on("cruise_accelerate"),
@@ -188,8 +212,17 @@ class CruiseNode:
 
     def _speed_frame(self, now_s: float) -> Frame:
         values = {
-            "machine_selected_speed_mps": self.command.reference_mps,
+            "machine_selected_speed_mps": self._value(OUTPUT, now_s),
+            "speed_source": WHEEL_BASED,
             "exit_reason": float(self.engagement.exit_reason),
-            "limit_status": 1.0 if self.command.limited else 0.0,
+            "limit_status": float(self.command.limit_status),
         }
         return self.codec.encode("MachineSelectedSpeed", values, now_s)
+
+    def _node_status(self, now_s: float) -> NodeStatus:
+        return NodeStatus(
+            ground_speed_mps=self._value(OUTPUT, now_s),
+            followed_setpoint_mps=self.engagement.setpoint_mps,
+            pump_current_ma=self._value(INPUT, now_s),
+            engagement_state=float(list(State).index(self.engagement.state)),
+        )

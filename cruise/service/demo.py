@@ -12,34 +12,16 @@ import numpy as np
 
 from cruise.can.bus import open_bus
 from cruise.can.codec import Codec
-from cruise.can.frame import Frame
 from cruise.can.log import LogWriter
-from cruise.model import files
 from cruise.plant import Combine, PlantSettings
 from cruise.service.combine_node import CombineNode
 from cruise.service.course import Drive, vary
 from cruise.service.cruise_node import CruiseNode
 from cruise.service.figures import drive_figures
-from cruise.service.loop import Lockstep
+from cruise.service.loop import Ear, Lockstep
 from cruise.service.operator_node import OperatorNode
 from cruise.service.settings import CruiseSettings
 from cruise.service.trace import Trace
-
-
-@dataclass
-class Ear:
-    """A node that only listens: it writes every frame of the bus into a log."""
-
-    write: Callable[[Frame], None]
-    period_s: float = 1.0
-
-    def receive(self, frame: Frame) -> None:
-        """Write one frame down."""
-        self.write(frame)
-
-    def tick(self, now_s: float) -> list[Frame]:
-        """It says nothing."""
-        return []
 
 
 @dataclass
@@ -59,9 +41,7 @@ class Result:
         """All figures under stable names; NaN becomes None, so that it is JSON."""
         status = self.node.status(self.seconds)
         limits = self.node.settings.control.limits
-        figures = drive_figures(
-            self.trace.columns(), self.node.period_s, limits.current_max_ma - limits.current_min_ma
-        )
+        figures = drive_figures(self.trace.columns(), self.node.period_s, limits.current_max_ma - limits.current_min_ma)
         names = status.learned.parameter_names
         driven = sum(self.gates.values()) or 1
         report = {
@@ -94,13 +74,12 @@ def run(
 ) -> Result:
     """Drive for `seconds` of simulated time; the same seed gives the same drive, figure for figure."""
     drive = vary(drive, seed)
-    model = files.load(settings.model)
     can = msgspec.structs.replace(settings.can, bus="virtual", channel=f"demo-{seed}")
-    codecs = [Codec.load(settings.database, can) for _ in range(3)]
+    codecs = [Codec.load(settings.database, can) for _ in range(2)]
     combine = Combine(plant, seed)
-    node = CruiseNode(settings, model, codecs[0])
-    machine = CombineNode(combine, codecs[1], drive.field, drive.operator)
-    panel = OperatorNode(codecs[2], drive.operator)
+    node = CruiseNode.load(msgspec.structs.replace(settings, can=can))
+    machine = CombineNode(combine, codecs[0], drive.field, drive.operator)
+    panel = OperatorNode(codecs[1], drive.operator)
     result = Result(seed, seconds, node, combine, Trace(), Counter())
     buses = [open_bus(can) for _ in range(4 if log else 3)]
     writer = LogWriter.create(log) if log else None
@@ -145,5 +124,3 @@ def _plain(value: Any) -> Any:
     if isinstance(value, float | np.floating):
         return float(value) if math.isfinite(value) else None
     return value
-
-

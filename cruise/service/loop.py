@@ -7,6 +7,7 @@ clock.
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
 from cruise.can.bus import Bus
@@ -81,6 +82,22 @@ class Together:
         self.ticks += 1
         due = (node for node, every in zip(self.nodes, self.every, strict=True) if self.ticks % every == 0)
         return [frame for node in due for frame in node.tick(now_s)]
+
+
+@dataclass
+class Ear:
+    """A node that only listens: it writes every frame of the bus into a log."""
+
+    write: Callable[[Frame], None]
+    period_s: float = 1.0
+
+    def receive(self, frame: Frame) -> None:
+        """Write one frame down."""
+        self.write(frame)
+
+    def tick(self, now_s: float) -> list[Frame]:
+        """It says nothing."""
+        return []
 
 
 class Lateness:

@@ -17,7 +17,6 @@ from cruise.can.frame import Frame
 from cruise.can.log import read_log
 from cruise.identification.least_squares import fit
 from cruise.identification.shapes import ahead_rms_mps
-from cruise.model.model import Model
 from cruise.recording import Recording, RecordingError, RecordingSettings, read_csv
 from cruise.service.combine_node import MESSAGES
 from cruise.service.cruise_node import FAST_MESSAGE, CruiseNode
@@ -51,11 +50,11 @@ class Judged:
 def replay(
     paths: Sequence[str | Path],
     settings: CruiseSettings,
-    model: Model,
     columns: RecordingSettings,
 ) -> Replayed:
     """Play every file, one after the other, to one node."""
-    node = CruiseNode(settings, model, Codec.load(settings.database, settings.can))
+    node = CruiseNode.load(settings)
+    model = node.estimator.factory
     sender = Codec.load(settings.database, settings.can)
     recordings, start_s = [], 0.0
     for path in paths:

@@ -1,10 +1,12 @@
 """All settings of the service, as they stand in config/cruise.yaml."""
 
 from pathlib import Path
+from typing import Literal
 
 import msgspec
 
 from cruise import settings as strict
+from cruise.can.node import CanopenSettings
 from cruise.can.settings import CanSettings
 from cruise.control.controller import ControlSettings
 from cruise.control.engagement import EngagementSettings
@@ -19,6 +21,9 @@ class CruiseSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_f
     model: str  # file of the factory model
     database: str  # file of the CAN database
     can: CanSettings = CanSettings()
+    canopen: CanopenSettings | None = None  # None: no CANopen node
+    dictionary: str = "cruise.eds"  # file of the node's object dictionary
+    setpoint_from: Literal["j1939", "canopen"] = "j1939"  # whose setpoint and main switch count; never both
     sampling: SamplingSettings = SamplingSettings()
     estimator: EstimatorSettings = EstimatorSettings()
     supervision: SupervisionSettings = SupervisionSettings()
@@ -30,4 +35,5 @@ def load(path: str | Path) -> CruiseSettings:
     """Read the settings; the file names in them become paths that hold from anywhere."""
     file = Path(path)
     read = strict.load(file, CruiseSettings)
-    return msgspec.structs.replace(read, model=str(file.parent / read.model), database=str(file.parent / read.database))
+    named = {name: str(file.parent / getattr(read, name)) for name in ("model", "database", "dictionary")}
+    return msgspec.structs.replace(read, **named)

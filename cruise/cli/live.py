@@ -59,6 +59,8 @@ class Live:
 def view(status: Status, seconds: float, grade_deg: float) -> Panel:
     """One picture of the terminal."""
     drive = Table.grid(padding=(0, 2))
+    drive.add_column(min_width=13)
+    drive.add_column(min_width=30)
     rows = [
         ("state", Text(str(status.state), STYLES[str(status.state)])),
         ("setpoint", number(status.setpoint_mps, "m/s")),
@@ -76,13 +78,13 @@ def view(status: Status, seconds: float, grade_deg: float) -> Panel:
         drive.add_row(Text(name, "dim"), value)
     learned = Table(box=box.SIMPLE_HEAD, title="learned model", title_style="bold")
     for heading in ("parameter", "value", "+-"):
-        learned.add_column(heading, justify="left" if heading == "parameter" else "right")
+        learned.add_column(heading, justify="left" if heading == "parameter" else "right", min_width=10)
     model = status.learned
     for name, value, error in zip(model.parameter_names, model.theta, model.theta_std, strict=True):
         learned.add_row(name, f"{value:.5g}", f"{error:.2g}")
-    errors = Table(box=box.SIMPLE_HEAD, title="error 3 s ahead, last 30 s", title_style="bold")
+    errors = Table(box=box.SIMPLE_HEAD, title="RMS error 3 s ahead", title_style="bold")
     errors.add_column("model")
-    errors.add_column("RMS m/s", justify="right")
+    errors.add_column("m/s", justify="right")
     for name, error in status.rms_ahead_mps.items():
         errors.add_row(name, f"{error:.3f}")
     both = Table.grid(padding=(0, 4))

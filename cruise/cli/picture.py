@@ -51,13 +51,12 @@ def draw(result: Result, path: Path) -> Path:
     )
     current.legend(loc="lower right", fontsize="small")
 
-    field.plot(time_s, columns["grade_deg"], color=RED, lw=1.2, label="slope (deg)")
-    field.set_ylabel("slope (deg)")
+    field.plot(time_s, columns["grade_deg"], color=RED, lw=1.2)
+    field.set_ylabel("slope (deg)", color=RED)
     field.set_xlabel("time (s)")
     engine = field.twinx()
     engine.plot(time_s, columns["engine_speed_rpm"], color=GREY, lw=1.2)
     engine.set_ylabel("engine speed (rpm)", color=GREY)
-    field.legend(loc="upper left", fontsize="small")
     for axis in axes:
         axis.grid(alpha=0.3)
     figure.savefig(path, dpi=110)

@@ -6,6 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
+import msgspec
 import typer
 from rich import box
 from rich.console import Console
@@ -23,6 +24,7 @@ def replay(
     recordings: Annotated[list[Path], typer.Argument(help="Logs of the bus (.log .asc .blf ...) or tables (.csv).")],
     test: Annotated[list[Path] | None, typer.Option(help="Recordings to judge on; they teach nothing.")] = None,
     config: Annotated[Path, typer.Option(help="Settings of the service.")] = CONFIG / "cruise.yaml",
+    model_file: Annotated[Path | None, typer.Option("--model", help="Model file to start from.")] = None,
     columns: Annotated[Path | None, typer.Option(help="How the columns of a table are read.")] = None,
     input_name: Annotated[str | None, typer.Option("--input", help="Column of the current.")] = None,
     output_name: Annotated[str | None, typer.Option("--output", help="Column of the speed.")] = None,
@@ -31,20 +33,17 @@ def replay(
 ) -> None:
     """Put recordings on the bus as frames, let the service learn from them, and judge what it learned on others."""
     read = settings.load(columns, RecordingSettings) if columns else RecordingSettings()
-    read = RecordingSettings(
-        time=read.time,
-        input=input_name or read.input,
-        output=output_name or read.output,
-        columns=read.columns,
-        active_when=read.active_when,
-    )
+    read = msgspec.structs.replace(read, input=input_name or read.input, output=output_name or read.output)
     loaded = service_settings.load(config)
+    if model_file is not None:
+        loaded = msgspec.structs.replace(loaded, model=str(model_file))
     taught = service.replay(recordings, loaded, read)
     model = taught.node.estimator.factory
     status = taught.node.status(taught.node.ticks * taught.node.period_s)
     report = {
         "recordings": [str(path) for path in recordings],
         "samples": sum(len(one) for one in taught.recordings),
+        "notes": [f"{one.source}: {note}" for one in taught.recordings for note in one.notes],
         "parameters": dict(zip(model.parameter_names, status.learned.theta, strict=True)),
         "standard_errors": dict(zip(model.parameter_names, status.learned.theta_std, strict=True)),
         "error_ahead_mps": {name: value for name, value in status.rms_ahead_mps.items() if math.isfinite(value)},
@@ -70,6 +69,8 @@ def replay(
 def _print(report: dict) -> None:
     console = Console(highlight=False)
     console.print(f"{len(report['recordings'])} recordings, {report['samples']} samples")
+    for note in report["notes"]:
+        console.print(f"note: {note}")
     table = Table(box=box.SIMPLE_HEAD)
     for heading in ("parameter", "learned", "+-"):
         table.add_column(heading, justify="left" if heading == "parameter" else "right")

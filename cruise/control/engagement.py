@@ -110,6 +110,7 @@ class Engagement:
         self.exit_condition = ""
         self.refused = ""  # why the last press of a button didn't engage
         self._last: Situation | None = None
+        self._requested_mps = math.nan  # last setpoint on the bus; a pause of its frames is no new word
         self._lever_pct = math.nan  # where the lever stood when the controller took over
 
     def step(self, now: Situation) -> State:
@@ -122,6 +123,8 @@ class Engagement:
                 break
         if self.state is State.ENGAGED and last is not None:
             self._follow(now, last)
+        if math.isfinite(now.requested_mps):
+            self._requested_mps = now.requested_mps
         return self.state
 
     def _conditions(self, now: Situation, last: Situation | None) -> dict[str, bool]:
@@ -173,7 +176,7 @@ class Engagement:
         """The operator's newest word is the setpoint: a new request on the bus, or a press of a button."""
         settings = self.settings
         wanted = self.setpoint_mps
-        if math.isfinite(now.requested_mps) and now.requested_mps != last.requested_mps:
+        if math.isfinite(now.requested_mps) and now.requested_mps != self._requested_mps:
             wanted = now.requested_mps
         wanted += settings.setpoint_step_mps * (now.accelerate and not last.accelerate)
         wanted -= settings.setpoint_step_mps * (now.coast and not last.coast)

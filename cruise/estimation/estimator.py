@@ -7,7 +7,7 @@ twice (design, "the interfaces that carry it").
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import msgspec
@@ -33,8 +33,7 @@ class EstimatorSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
     gate: GateSettings = GateSettings()
 
 
-@dataclass(frozen=True, slots=True)
-class Learned:
+class Learned(msgspec.Struct, frozen=True):
     """What one sample brought: the one step ahead prediction, its error, and whether it taught."""
 
     predicted_mps: float
@@ -58,6 +57,7 @@ class Estimator:
         self.last_s = -math.inf
         self.forgetting = Forgetting(settings.forgetting, factory.period_s, factory.residual_std_mps**2)
         self._owned = factory.na + factory.nb  # parameters that learn while engaged
+        self._factory_gain = factory.dc_gain_mps_per_ma
 
     def predict(self, sample: Sample) -> float:
         """The speed in m/s expected for a sample from those before it; NaN at the start. Learns nothing."""
@@ -79,9 +79,9 @@ class Estimator:
         columns, offset = model.regression(self.applied)
         self.state = model.observe(self.applied, sample.speed_mps)
         row = np.array((sample.speed_mps - offset, *columns))
-        predicted_mps = float(offset + row[1:] @ self.rls.theta)
+        predicted_mps = float(offset + row[1:].dot(self.rls.theta))
         rows = self.filter(row)
-        drive_mps = self.applied.gain * self.applied.drives[0] * model.dc_gain_mps_per_ma
+        drive_mps = self.applied.gain * self.applied.drives[0] * self._factory_gain
         gate = self.gate.judge(sample, drive_mps)
         if gate is Gate.OPEN:
             self._update(rows[1] if sample.engaged else rows[0], sample.engaged)
@@ -127,17 +127,17 @@ class Estimator:
     def _update(self, row: np.ndarray, engaged: bool) -> None:
         self.rls.hold_after(self._owned if engaged else len(self.rls.theta))
         before = self.rls.theta.copy()
-        innovation = float(row[0] - row[1:] @ before)
+        innovation = float(row[0] - row[1:].dot(before))
         self.rls.update(row[1 : 1 + self.rls.free], innovation, self.forgetting.step(innovation))
         self._project(before)
 
     def _project(self, before: np.ndarray) -> None:
         """Halve the step until the model is stable, its gain positive and plausible (Ljung and Soderstrom, 6.6)."""
-        step = self.rls.theta - before
-        for fraction in (1.0, 0.5, 0.25, 0.0):
-            self.rls.theta = before + fraction * step
+        learned = self.rls.theta
+        for fraction in (0.5, 0.25, 0.0):
             if self._safe(self.rls.theta):
                 return
+            self.rls.theta = before + fraction * (learned - before)
 
     def _safe(self, theta: np.ndarray) -> bool:
         model, settings = self.factory, self.settings
@@ -146,5 +146,5 @@ class Estimator:
             stable = abs(a[0]) <= settings.pole_max
         else:
             stable = model.na == 0 or bool(np.abs(np.roots([1.0, *(-v for v in a)])).max() <= settings.pole_max)
-        relative = sum(b) / (1.0 - sum(a)) / model.dc_gain_mps_per_ma
+        relative = sum(b) / (1.0 - sum(a)) / self._factory_gain
         return stable and 1.0 / settings.gain_range <= relative <= settings.gain_range

@@ -28,14 +28,16 @@ class LearningFilter:
         mean = np.eye(1, order + 2, order + 1) + min(period_s / mean_s, 1.0) * band
         self._step = np.vstack([low, band, inner, mean])
         self._settled = np.vstack([np.linalg.solve(np.eye(order) - a, b), np.ones((1, 1))])
-        self.memory = np.zeros((order + 1, width))
+        self._now = np.zeros((order + 2, width))  # the row given and the memory before it
+        self.memory = self._now[1:]
 
     def settle(self, row: np.ndarray) -> None:
         """Set the memory as if `row` (m,) had been there forever."""
-        self.memory = self._settled * row
+        self.memory[:] = self._settled * row
 
     def __call__(self, row: np.ndarray) -> np.ndarray:
         """One row (m,) on: returns (2, m), low-passed and band-passed."""
-        result = self._step @ np.vstack([row, self.memory])
-        self.memory = result[2:]
+        self._now[0] = row
+        result = self._step.dot(self._now)
+        self.memory[:] = result[2:]
         return result[:2]

@@ -60,18 +60,18 @@ class SquareRootRls:
 
     def update(self, columns: np.ndarray, innovation: float, forgetting: float) -> None:
         """Learn from one sample, columns (m,) and innovation y - x . theta, then forget by lambda = `forgetting`."""
-        self._absorb(columns @ self.root, innovation, self.noise_variance)
+        self._absorb(columns.dot(self.root), innovation, self.noise_variance)
         if forgetting < 1.0:
             self.root *= 1.0 / math.sqrt(forgetting)
             size = self.free
             i = self.turn = (self.turn + 1) % size
             pull = self.prior_std[i] ** 2 / (size * (1.0 - forgetting))
-            self._absorb(self.root[i].copy(), float(self.prior[i] - self.theta[i]), pull)
+            self._absorb(self.root[i], float(self.prior[i] - self.theta[i]), pull)
 
     def _absorb(self, direction: np.ndarray, innovation: float, variance: float) -> None:
         """Potter's update with direction = S' x of a measurement of the given variance."""
-        total = float(direction @ direction) + variance
-        gain = self.root @ direction
-        self.theta[: self.free] += gain * (innovation / total)
-        gain *= 1.0 / (total + math.sqrt(variance * total))
-        self.root -= np.multiply.outer(gain, direction)
+        total = float(direction.dot(direction)) + variance
+        gain = self.root.dot(direction)
+        free = self.theta[: len(gain)]
+        free += gain * (innovation / total)
+        self.root -= gain[:, None] * (direction / (total + math.sqrt(variance * total)))

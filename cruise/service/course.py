@@ -3,7 +3,9 @@
 Every row holds from `at_s` on; a number moves there linearly over `over_s`. What a row doesn't name stays as it was.
 """
 
+from itertools import pairwise
 from pathlib import Path
+from typing import Literal
 
 import msgspec
 import numpy as np
@@ -34,7 +36,7 @@ class OperatorRow(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     clutch_pedal: float | None = None
     cruise_enable: float | None = None
     setpoint_mps: float | None = None
-    press: str = ""  # set, resume, accelerate or coast
+    press: Literal["", "set", "resume", "accelerate", "coast"] = ""
     press_s: float = 0.5
 
 
@@ -44,6 +46,12 @@ class Drive(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     seconds: float
     field: tuple[FieldRow, ...] = ()
     operator: tuple[OperatorRow, ...] = ()
+
+    def __post_init__(self) -> None:
+        for rows in (self.field, self.operator):
+            for before, row in pairwise(rows):
+                if row.at_s < before.at_s:
+                    raise ValueError(f"rows have to be in the order of at_s: {row.at_s} s stands after {before.at_s} s")
 
 
 def load(path: str | Path) -> Drive:
@@ -71,7 +79,7 @@ def pressed(rows: tuple[OperatorRow, ...], button: str, time_s: float) -> bool:
 def vary(drive: Drive, seed: int) -> Drive:
     """The same drive as another day would bring it: seed 0 as written, others with shifted times and other sizes.
 
-    Times move by up to 1.5 s, setpoints and slopes by up to 10 %.
+    Times move by up to 1.5 s, less where rows would come out of their order; setpoints and slopes by up to 10 %.
     """
     if seed == 0:
         return drive
@@ -81,14 +89,21 @@ def vary(drive: Drive, seed: int) -> Drive:
         factor = 1.0 + 0.1 * float(rng.uniform(-1.0, 1.0))
         return None if value is None else round(value * factor, 3)
 
-    def later(at_s: float) -> float:
-        return round(max(at_s + 1.5 * float(rng.uniform(-1.0, 1.0)), 0.0), 2) if at_s > 0.0 else at_s
+    def later(rows: tuple[FieldRow, ...] | tuple[OperatorRow, ...], i: int) -> float:
+        at_s = rows[i].at_s
+        if at_s <= 0.0:
+            return at_s
+        # Less than half the way to either neighbour: what is released must have been pressed before.
+        gaps_s = [abs(other.at_s - at_s) for other in (*rows[max(i - 1, 0) : i], *rows[i + 1 : i + 2])]
+        reach_s = min(1.5, *(0.4 * gap_s for gap_s in gaps_s), at_s)
+        return round(at_s + reach_s * float(rng.uniform(-1.0, 1.0)), 2)
 
     field = tuple(
-        msgspec.structs.replace(row, at_s=later(row.at_s), grade_deg=size(row.grade_deg)) for row in drive.field
+        msgspec.structs.replace(row, at_s=later(drive.field, i), grade_deg=size(row.grade_deg))
+        for i, row in enumerate(drive.field)
     )
     operator = tuple(
-        msgspec.structs.replace(row, at_s=later(row.at_s), setpoint_mps=size(row.setpoint_mps))
-        for row in drive.operator
+        msgspec.structs.replace(row, at_s=later(drive.operator, i), setpoint_mps=size(row.setpoint_mps))
+        for i, row in enumerate(drive.operator)
     )
     return msgspec.structs.replace(drive, field=field, operator=operator)

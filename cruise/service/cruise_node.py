@@ -5,7 +5,7 @@ It has no clock and no bus: the loop hands it frames and the time, and sends wha
 
 import math
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from cruise.can.codec import Codec
 from cruise.can.frame import Frame
@@ -119,9 +119,9 @@ class CruiseNode:
         return frames
 
     def stop(self, now_s: float) -> list[Frame]:
-        """The last frames: neutral."""
+        """The last frames: released, neutral. It does not engage after this."""
+        self.engagement.step(replace(self._situation(now_s), enable=False))
         self.healthy = False
-        self.engagement.step(self._situation(now_s))
         self.command = self.controller.step(None, None)
         return [self._command_frame(now_s), self._speed_frame(now_s)]
 
@@ -190,7 +190,8 @@ class CruiseNode:
             accelerate=on("cruise_accelerate"),
             coast=on("cruise_coast"),
             operator_present=all(math.isfinite(self._value(name, now_s)) for name in _OPERATOR),
-            signals_valid=not self.missing,
+            # Newest readings may be fresh where too little of the last period was measured to steer by.
+            signals_valid=not self.missing and self.learned.gate is not Gate.STALE_SIGNAL,
             model_ready=self.controller.state is not None and self.learned.gate is not Gate.WARMING_UP,
             healthy=self.healthy,
             brake=on("brake_pedal"),

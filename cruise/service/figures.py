@@ -57,6 +57,7 @@ def _overshoot_pct(setpoint: np.ndarray, speed: np.ndarray, changes: np.ndarray,
             continue
         later = changes[changes > start]
         end = min(start + round(SETTLE_S / frame_s), later[0] if len(later) else len(speed))
-        beyond = np.sign(size) * (speed[start:end] - setpoint[start])
+        held = setpoint[start:end] == setpoint[start]  # not once a person drives again
+        beyond = np.sign(size) * (speed[start:end] - setpoint[start])[held]
         worst = max(float(100.0 * np.max(beyond) / abs(size)), 0.0 if np.isnan(worst) else worst)
     return worst

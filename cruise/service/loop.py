@@ -6,8 +6,10 @@ clock.
 """
 
 import time
+from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import Protocol
 
 from cruise.can.bus import Bus
@@ -36,7 +38,7 @@ class Lockstep:
     def __init__(self, ends: Sequence[tuple[Node, Bus]]) -> None:
         self.ends = ends
         self.steps = 0
-        self.every = [max(round(node.period_s / self.step_s), 1) for node, _ in ends]
+        self.every = [_steps(node.period_s, self.step_s) for node, _ in ends]
 
     @property
     def now_s(self) -> float:
@@ -69,7 +71,7 @@ class Together:
     def __init__(self, nodes: Sequence[Node]) -> None:
         self.nodes = nodes
         self.period_s = min(node.period_s for node in nodes)
-        self.every = [max(round(node.period_s / self.period_s), 1) for node in nodes]
+        self.every = [_steps(node.period_s, self.period_s) for node in nodes]
         self.ticks = 0
 
     def receive(self, frame: Frame) -> None:
@@ -116,12 +118,9 @@ class Lateness:
 
     def quantile_ms(self, share: float) -> float:
         """The upper edge of the bin in which the quantile lies."""
-        wanted, seen = share * sum(self.counts), 0
-        for i, count in enumerate(self.counts):
-            seen += count
-            if seen >= wanted:
-                return min((i + 1) / 10.0, self.worst_ms)
-        return self.worst_ms
+        seen = list(accumulate(self.counts))
+        i = bisect_left(seen, share * seen[-1])
+        return self.worst_ms if i >= len(seen) - 1 else min((i + 1) / 10.0, self.worst_ms)
 
 
 def serve(
@@ -156,6 +155,14 @@ def serve(
         if each_tick is not None:
             each_tick(now_s)
     return time.monotonic() - begin
+
+
+def _steps(period_s: float, step_s: float) -> int:
+    """How many steps a period has. ValueError where that is no whole number: the node would run at another rate."""
+    steps = round(period_s / step_s)
+    if steps < 1 or abs(steps * step_s - period_s) > 1e-9:
+        raise ValueError(f"a period of {period_s} s is no multiple of the loop's step of {step_s} s")
+    return steps
 
 
 def _stamped(frame: Frame, now_s: float) -> Frame:

@@ -58,21 +58,36 @@ def replay(
     sender = Codec.load(settings.database, settings.can)
     recordings, start_s = [], 0.0
     for path in paths:
-        samples = list(_play(frames_of(path, columns, sender), node, start_s))
-        if not samples:
-            raise RecordingError(f"{path}: no frame in it that the service can use")
-        recordings.append(_recording(samples, model.period_s, Path(path).name))
+        frames, notes = frames_of(path, columns, sender)
+        samples = list(_play(frames, node, start_s))
+        if not any(math.isfinite(sample.speed_mps) for sample in samples):
+            raise RecordingError(
+                f"{path}: holds no frame of {FAST_MESSAGE} that could be taken; frame faults: {dict(node.faults)}; "
+                "check the addresses and PGNs in the settings"
+            )
+        recording = _recording(samples, model.period_s, Path(path).name, notes)
+        absent = model.missing(recording.columns)
+        if absent:
+            raise RecordingError(
+                f"{path}: the model needs {', '.join(absent)}, which it does not hold; "
+                "take a model file without the effects that need them"
+            )
+        recordings.append(recording)
         start_s = node.ticks * node.period_s + PAUSE_S
         while node.ticks * node.period_s < start_s:
             node.tick((node.ticks + 1) * node.period_s)
     return Replayed(node, tuple(recordings))
 
 
-def frames_of(path: str | Path, columns: RecordingSettings, sender: Codec) -> Iterator[Frame]:
-    """The frames of a file, times from zero: a table by its name, a log of the bus otherwise."""
+def frames_of(path: str | Path, columns: RecordingSettings, sender: Codec) -> tuple[Iterator[Frame], tuple[str, ...]]:
+    """The frames of a file, times from zero, and what was lost or mended: a table by its name, a log otherwise."""
     if Path(path).suffix.lower() == ".csv":
-        yield from _frames_of_table(read_csv(path, columns), sender)
-        return
+        table = read_csv(path, columns)
+        return _frames_of_table(table, sender), table.notes
+    return _frames_of_log(path), ()
+
+
+def _frames_of_log(path: str | Path) -> Iterator[Frame]:
     origin_s = math.nan
     for frame in read_log(path):
         if math.isnan(origin_s):
@@ -122,9 +137,9 @@ def _frames_of_table(recording: Recording, sender: Codec) -> Iterator[Frame]:
                 yield sender.encode(outgoing.message, values, time_s)
 
 
-def _recording(samples: Sequence[Sample], period_s: float, source: str) -> Recording:
+def _recording(samples: Sequence[Sample], period_s: float, source: str, notes: tuple[str, ...]) -> Recording:
     names = [name for name in CONTEXT if any(math.isfinite(sample.signals[name]) for sample in samples)]
     columns = {name: np.array([sample.signals[name] for sample in samples]) for name in names}
     columns[INPUT] = np.array([sample.current_ma for sample in samples])
     columns[OUTPUT] = np.array([sample.speed_mps for sample in samples])
-    return Recording(period_s * np.arange(1, len(samples) + 1), columns, period_s, source)
+    return Recording(period_s * np.arange(1, len(samples) + 1), columns, period_s, source, notes)

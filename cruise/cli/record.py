@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from cruise.can.bus import open_bus
-from cruise.can.log import LogWriter
+from cruise.can.log import LogError, LogWriter
 from cruise.cli.places import CONFIG
 from cruise.cli.run import Running
 from cruise.service import settings as service_settings
@@ -19,6 +19,8 @@ def record(
     seconds: Annotated[float, typer.Option(help="How long; 0 is until it is stopped.")] = 0.0,
 ) -> None:
     """Record every frame of the bus until it is stopped."""
+    if log.exists():
+        raise LogError(f"{log}: is there already and is not overwritten; give another name")
     settings = service_settings.load(config)
     running = Running()
     with open_bus(settings.can) as bus, LogWriter.create(log, settings.can.channel) as writer:

@@ -38,6 +38,8 @@ def regression_over(model: Model, recording: Recording) -> tuple[np.ndarray, np.
 
 def fit(model: Model, recordings: Sequence[Recording]) -> Model:
     """The same structure with the parameters that fit all recordings best, their standard errors and the residual's."""
+    if not recordings:
+        raise FitError("no recording to fit: give one or more")
     for recording in recordings:
         if not np.isclose(recording.dt_s, model.period_s):
             raise FitError(

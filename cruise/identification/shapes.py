@@ -7,6 +7,7 @@ one step ahead, a wrong shape hides behind the last measured speed. Solver: Neld
 bounds.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -52,8 +53,16 @@ def fit_shapes(
             new[name] = new[name].reshaped(**{parameter: float(value)})
         return fit(replace(model, effects=tuple(new.values())), recordings)
 
+    def error_mps(values: np.ndarray) -> float:
+        try:
+            candidate = shaped(values)
+        except FitError:  # a dead zone wider than every current, say: the search goes elsewhere
+            return math.inf
+        return ahead_rms_mps(candidate, recordings, horizon_s)
+
+    shaped(start)  # recordings that can't determine the model at all are refused here, with the reason
     found = optimize.minimize(
-        lambda values: ahead_rms_mps(shaped(values), recordings, horizon_s),
+        error_mps,
         start,
         method="Nelder-Mead",
         bounds=[(low / span, high / span) for (low, high), span in zip(bounds, size, strict=True)],

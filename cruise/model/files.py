@@ -6,6 +6,7 @@ the period.
 
 import difflib
 from pathlib import Path
+from typing import Annotated
 
 import msgspec
 
@@ -13,6 +14,10 @@ from cruise import settings
 from cruise.effects import EFFECTS, Effect
 from cruise.model.model import Model
 from cruise.settings import SettingsError
+
+
+Positive = Annotated[float, msgspec.Meta(gt=0)]
+NotNegative = Annotated[float, msgspec.Meta(ge=0)]
 
 
 class Provenance(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -27,14 +32,14 @@ class Provenance(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 class ModelFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The fields of a model file."""
 
-    period_s: float
-    na: int
-    nb: int
-    delay_s: float
+    period_s: Positive
+    na: Annotated[int, msgspec.Meta(ge=0, le=100)]  # beyond 100 samples of memory a typing error is likelier
+    nb: Annotated[int, msgspec.Meta(ge=1, le=100)]
+    delay_s: Annotated[float, msgspec.Meta(ge=0, le=60)]
     effects: dict[str, dict[str, float]] = {}
     parameters: dict[str, float]
-    standard_errors: dict[str, float] = {}
-    residual_std_mps: float = 0.02
+    standard_errors: dict[str, NotNegative] = {}
+    residual_std_mps: Positive = 0.02
     provenance: Provenance = Provenance()
 
 
@@ -42,16 +47,13 @@ def load(path: str | Path) -> Model:
     """Read a model file. SettingsError names the file, the key, what is wrong and what to do."""
     file = settings.load(path, ModelFile)
     effects = tuple(_effect(path, name, shape) for name, shape in file.effects.items())
-    delay = round(file.delay_s / file.period_s) if file.period_s > 0 else 0
-    try:
-        empty = Model(file.period_s, file.na, file.nb, delay, effects, (0.0,) * _count(file, effects))
-    except ValueError as error:
-        raise SettingsError(f"{path}: {error}") from error
+    delay = round(file.delay_s / file.period_s)
+    empty = Model(file.period_s, file.na, file.nb, delay, effects, (0.0,) * _count(file, effects))
     if abs(delay * file.period_s - file.delay_s) > 1e-6:
         raise SettingsError(f"{path}: delay_s: {file.delay_s} is no multiple of period_s, {file.period_s}")
     for key, given in (("parameters", file.parameters), ("standard_errors", file.standard_errors)):
         wrong = set(given).symmetric_difference(empty.parameter_names)
-        if given and wrong:
+        if wrong and (given or key == "parameters"):
             raise SettingsError(
                 f"{path}: {key}: {', '.join(sorted(wrong))} missing or not of this structure; "
                 f"it needs {', '.join(empty.parameter_names)}"
@@ -68,6 +70,9 @@ def save(path: str | Path, model: Model, provenance: Provenance) -> None:
     shapes = {
         effect.name: {name: float(getattr(effect, name)) for name in effect.parameters} for effect in model.effects
     }
+    if len(shapes) < len(model.effects):
+        names_twice = ", ".join(effect.name for effect in model.effects)
+        raise ValueError(f"{path}: a model file holds every effect once, this model has {names_twice}")
     settings.save(
         path,
         ModelFile(

@@ -13,7 +13,7 @@ def lagged(values: np.ndarray, lag: int) -> np.ndarray:
     """values_(k - lag) at every k, shape (N,), NaN before the start; a negative lag looks ahead."""
     result = np.full(len(values), np.nan)
     if lag >= 0:
-        result[lag:] = values[: len(values) - lag]
+        result[lag:] = values[: max(len(values) - lag, 0)]
     else:
         result[:lag] = values[-lag:]
     return result

@@ -63,7 +63,6 @@ def test_the_lever_drives_until_there_is_a_command():
     node = machine()
     run(node, 0.5)
     assert commanded(node) == pytest.approx(LEVER_MA)
-    run(machine(LEVER), 0.5)
 
 
 @pytest.mark.parametrize(("lever_pct", "current_ma"), [(0.0, 0.0), (2.9, 0.0), (-50.0, -LEVER_MA), (100.0, 1150.0)])
@@ -117,12 +116,13 @@ ENDS = {
 def test_without_a_good_command_the_pump_is_neutral_in_time_until_the_lever_is_moved(end):
     move = OperatorRow(at_s=3.0, lever_pct=54.0)
     node, cruise = under_command((*LEVER, OperatorRow(at_s=2.0, lever_pct=52.0), move))
-    currents = run(node, 2.99, ENDS[end](cruise))
+    frames = ENDS[end](cruise)
+    currents = run(node, 2.99, frames)
     # The stuck sender's first frame is good: it counts from there.
     neutral = next(i for i, current_ma in enumerate(currents, 1) if current_ma == 0.0)
     assert neutral <= round(100 * COMMAND_TIMEOUT_S) + 2
     assert set(currents[neutral - 1 :]) == {0.0}, "a lever in its place, or moved by a trifle, drives by itself"
-    run(node, 3.1, ENDS[end](cruise))
+    run(node, 3.1, frames)
     assert commanded(node) == pytest.approx(360.0 + 0.54 * (1150.0 - 360.0))
 
 
@@ -130,7 +130,7 @@ def test_two_lost_commands_do_not_matter():
     node, cruise = under_command()
     currents = run(node, LAST_S + 0.14)
     currents += run(node, LAST_S + 0.5, every_50_ms(cruise))
-    assert set(currents) == {pytest.approx(COMMAND_MA)}
+    assert currents == pytest.approx([COMMAND_MA] * len(currents))
 
 
 def test_a_command_that_comes_back_is_taken_again():

@@ -1,0 +1,172 @@
+"""The command line as a user meets it: what it prints, where it writes, and what it says when something is wrong."""
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+
+from cruise import cli
+from cruise.can.log import read_log
+from cruise.cli.places import CONFIG
+
+
+@pytest.fixture
+def cruise(monkeypatch, capsys):
+    """Run one command line; returns its exit code and what it printed on both streams."""
+
+    def run(*words: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["cruise", *(str(word) for word in words)])
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        printed = capsys.readouterr()
+        return int(ended.value.code or 0), printed.out, printed.err
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def driven(tmp_path_factory):
+    """A short demo, twice with the same seed and once with another: folder and the three JSON texts."""
+    texts = []
+    for name, seed in (("one", "4"), ("two", "4"), ("other", "5")):
+        folder = tmp_path_factory.mktemp(name)
+        with pytest.MonkeyPatch.context() as patch, pytest.raises(SystemExit) as ended:
+            words = ["demo", "--headless", "--seconds", "40", "--seed", seed, "--json", "--out", str(folder)]
+            patch.setattr(sys, "argv", ["cruise", *words])
+            patch.setattr("builtins.print", lambda text, *_, **__: texts.append((folder, text)))
+            cli.main()
+        assert not ended.value.code
+    return texts
+
+
+def test_the_same_seed_gives_the_same_json_and_the_same_log(driven):
+    (first, one), (second, two), (_, other) = driven
+    assert one == two
+    assert one != other
+    assert (first / "demo-4.log").read_bytes() == (second / "demo-4.log").read_bytes()
+
+
+def test_the_json_holds_the_figures_and_no_nan(driven):
+    report = json.loads(driven[0][1], parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
+    for key in ("rms_error_mps", "overshoot_pct", "command_above_1hz_rms_pct", "accel_max_mps2", "steady_error_mps"):
+        assert key in report
+    assert report["seed"] == 4
+    assert report["states"][-1]["state"] == "engaged"
+    assert report["frame_faults"] == {}
+
+
+def test_the_demo_leaves_a_picture_and_a_log(cruise, tmp_path):
+    code, out, err = cruise("demo", "--headless", "--seconds", "25", "--out", tmp_path)
+    assert code == 0
+    assert (tmp_path / "demo-1.png").read_bytes().startswith(b"\x89PNG")
+    assert "rms_error_mps" in out
+    assert "engaged" in err
+    assert sum(1 for _ in read_log(tmp_path / "demo-1.log")) > 5000
+
+
+def test_a_replayed_log_teaches_what_the_drive_taught(cruise, driven):
+    folder, text = driven[0]
+    code, out, _ = cruise("replay", folder / "demo-4.log", "--json")
+    assert code == 0
+    replayed, drove = json.loads(out)["parameters"], json.loads(text)["parameters"]
+    # A candump log rounds time to a microsecond; nothing else may differ.
+    assert replayed == pytest.approx(drove, rel=1e-3, abs=1e-7)
+
+
+def test_what_was_learned_can_be_saved_and_started_from(cruise, driven, tmp_path):
+    log, saved = driven[0][0] / "demo-4.log", tmp_path / "learned.yaml"
+    assert cruise("replay", log, "--save", saved)[0] == 0
+    code, out, _ = cruise("replay", log, "--model", saved, "--test", log, "--json")
+    assert code == 0
+    judged = json.loads(out)["test"]
+    assert judged["online_mps"] < 0.5 * judged["persistence_mps"]
+
+
+def table(path: Path, rows: str) -> Path:
+    path.write_text("time_s,amps,speed\n" + rows)
+    return path
+
+
+GOOD = "".join(f"{k / 10},{500 + 10 * k},{k / 100}\n" for k in range(60))
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("replay", "missing.csv"), "missing.csv: no such file"),
+        (("replay", "missing.log"), "missing.log: no such file"),
+        (("replay", "t.csv"), "choose with --input NAME"),
+        (("replay", "t.csv", "--input", "amps"), "choose with --output NAME"),
+        (("replay", "t.csv", "--input", "amps", "--output", "speed"), "the model needs engine_speed_rpm, gear"),
+        (("replay", "back.csv", "--input", "amps", "--output", "speed"), "back.csv:62: time runs backwards"),
+        (("replay", "short.csv", "--input", "amps", "--output", "speed"), "too few"),
+        (("replay", "text.log"), "text.log:1: cannot be read"),
+        (("replay", "foreign.log"), "no frame of DriveFeedback"),
+        (("run", "misspelt.yaml"), "misspelt.yaml:2: modle: unknown setting; did you mean model?"),
+        (("run", "nofile.yaml"), "nofile.yaml: no such file"),
+        (("run", "database.yaml"), "MachineState"),
+        (("run", "model.yaml"), "effects.dead_zon: no such effect; did you mean dead_zone?"),
+        (("demo", "--headless", "--drive", "bad_drive.yaml"), "bad_drive.yaml:3"),
+        (("record", "drive.txt", "--config", "virtual.yaml"), "let the name end in .log"),
+        (("record", "text.log", "--config", "virtual.yaml"), "text.log: is there already and is not overwritten"),
+    ],
+)
+def test_a_mistake_gets_one_clear_line(cruise, tmp_path, monkeypatch, words, says):
+    monkeypatch.chdir(tmp_path)
+    table(tmp_path / "t.csv", GOOD)
+    table(tmp_path / "back.csv", GOOD + "1.0,500,0.1\n")
+    table(tmp_path / "short.csv", "0,500,0.1\n0.1,500,0.1\n")
+    (tmp_path / "text.log").write_text("hello\n")
+    (tmp_path / "foreign.log").write_text("(0.000000) can0 123#0011\n(0.500000) can0 123#0012\n")
+    model, database = CONFIG / "factory_model.yaml", CONFIG / "cruise.dbc"
+    settings = f"model: {model}\ndatabase: {database}\ncan: {{bus: virtual}}\n"
+    (tmp_path / "virtual.yaml").write_text(settings)
+    (tmp_path / "misspelt.yaml").write_text(f"database: {database}\nmodle: {model}\n")
+    (tmp_path / "half.dbc").write_text(database.read_text().replace("MachineState", "MachineStatus"))
+    (tmp_path / "database.yaml").write_text(settings.replace(str(database), "half.dbc"))
+    (tmp_path / "bad_model.yaml").write_text(model.read_text().replace("dead_zone", "dead_zon"))
+    (tmp_path / "model.yaml").write_text(settings.replace(str(model), "bad_model.yaml"))
+    (tmp_path / "bad_drive.yaml").write_text("seconds: 10.0\nfield:\n  - {at_s: 0.0, grade: 3.0}\n")
+    code, _, err = cruise(*words)
+    assert code == 2
+    assert says in err
+    assert "Traceback" not in err
+
+
+def test_nan_and_gaps_are_said_and_not_learned_from(cruise, tmp_path):
+    rows = [f"{k / 10},{600 + 200 * (k // 30 % 2)},{0.5 + 0.3 * (k // 30 % 2)}" for k in range(300)]
+    rows[50] = "5.0,nan,0.5"
+    rows = rows[:100] + rows[160:]
+    path = table(tmp_path / "holes.csv", "\n".join(rows) + "\n")
+    words = ("replay", path, "--input", "amps", "--output", "speed", "--config", CONFIG / "dart.yaml", "--json")
+    code, out, _ = cruise(*words)
+    assert code == 0
+    notes = " ".join(json.loads(out)["notes"])
+    assert "1 of 240 cells hold no number" in notes
+    assert "gap of 6.1 s" in notes
+
+
+def test_run_stops_with_neutral_on_a_signal(cruise, tmp_path, monkeypatch):
+    from cruise.can.bus import LocalBus
+    from cruise.cli import run
+
+    sent = []
+    monkeypatch.setattr(LocalBus, "send", lambda self, frame: sent.append(frame))
+    ticks = iter(range(10))
+    monkeypatch.setattr(run.Running, "__call__", lambda self: next(ticks, None) is not None)
+    text = (CONFIG / "cruise.yaml").read_text().replace("bus: socketcan", "bus: virtual")
+    for name in ("factory_model.yaml", "cruise.dbc", "cruise.eds"):
+        text = text.replace(f" {name}", f" {CONFIG / name}")
+    (tmp_path / "cruise.yaml").write_text(text + f"\ndictionary: {CONFIG / 'cruise.eds'}\n")
+    code, _, err = cruise("run", tmp_path / "cruise.yaml")
+    assert code == 0
+    assert "neutral sent" in err
+    assert len(sent) > 10
+
+
+def test_help_names_every_verb(cruise):
+    code, out, _ = cruise("--help")
+    assert code == 0
+    for verb in cli.VERBS:
+        assert verb in out

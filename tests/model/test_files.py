@@ -1,0 +1,149 @@
+"""Model files: what is written reads back equal, and every mistake says where it is and what would be right."""
+
+import math
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cruise.effects import EFFECTS
+from cruise.model import files
+from cruise.model.files import Provenance
+from cruise.model.model import Model
+from cruise.settings import SettingsError
+
+FACTORY = Path(__file__).resolve().parents[2] / "config" / "factory_model.yaml"
+
+finite = st.floats(-1e6, 1e6, allow_subnormal=False)
+
+
+@st.composite
+def effects(draw):
+    """Any choice of effects, in any order, with any shapes within their bounds."""
+    names = draw(st.lists(st.sampled_from(sorted(EFFECTS)), unique=True))
+    return tuple(
+        EFFECTS[name](**{key: draw(st.floats(one.low, one.high)) for key, one in EFFECTS[name].parameters.items()})
+        for name in names
+    )
+
+
+@st.composite
+def models(draw):
+    na, nb = draw(st.integers(0, 10)), draw(st.integers(1, 10))
+    chosen = draw(effects())
+    size = na + nb + sum(effect.stage == "load" for effect in chosen) + 1
+    row = st.lists(finite, min_size=size, max_size=size).map(tuple)
+    return Model(
+        period_s=draw(st.sampled_from([0.01, 0.05, 0.1, 0.2, 1.0 / 3.0, 1.0])),
+        na=na,
+        nb=nb,
+        delay=draw(st.integers(0, 30)),
+        effects=chosen,
+        theta=draw(row),
+        theta_std=draw(st.one_of(st.just(()), row.map(lambda values: tuple(abs(value) for value in values)))),
+        residual_std_mps=draw(st.floats(1e-6, 1.0)),
+    )
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    return tmp_path_factory.mktemp("models")
+
+
+@given(model=models())
+def test_a_model_reads_back_equal(folder, model):
+    files.save(folder / "m.yaml", model, Provenance(recordings=("a.csv",), samples=12, made_by="test"))
+    assert files.load(folder / "m.yaml") == model
+
+
+def test_the_delay_is_a_time_in_the_file(folder):
+    model = Model(0.2, 1, 1, 3, (), (0.5, 1e-3, 0.0))
+    files.save(folder / "t.yaml", model, Provenance())
+    text = (folder / "t.yaml").read_text()
+    assert "delay_s: 0.6\n" in text
+    (folder / "t.yaml").write_text(text.replace("period_s: 0.2", "period_s: 0.05"))
+    assert files.load(folder / "t.yaml").delay == 12
+
+
+def test_the_factory_model_is_a_drive():
+    model = files.load(FACTORY)
+    assert abs(model.poles).max() < 1.0
+    assert model.dc_gain_mps_per_ma > 0.0
+    assert len(model.theta_std) == len(model.theta)
+
+
+GOOD = """\
+period_s: 0.2
+na: 1
+nb: 2
+delay_s: 0.4
+effects:
+  dead_zone: {threshold_ma: 400.0}
+  engine_speed: {exponent: 1.0}
+parameters: {a_1: 0.5, b_0_mps_per_ma: 0.001, b_1_mps_per_ma: 0.001, c_0_mps: 0.0}
+standard_errors: {a_1: 0.1, b_0_mps_per_ma: 0.1, b_1_mps_per_ma: 0.1, c_0_mps: 0.1}
+residual_std_mps: 0.02
+"""
+
+MISTAKES = {
+    "effect misspelt": ("dead_zone:", "dead_zon:", r"effects\.dead_zon: no such effect; did you mean dead_zone\?"),
+    "effect unknown": (
+        "dead_zone:",
+        "flux_capacitor:",
+        r"effects\.flux_capacitor: no such effect; known: .*gear_ratio",
+    ),
+    "shape unknown": ("threshold_ma:", "width_ma:", r"effects\.dead_zone: no parameter width_ma; known: threshold_ma"),
+    "shape too large": ("400.0", "900.0", r"effects\.dead_zone\.threshold_ma: 900\.0 is outside 0\.0 to 800\.0 mA"),
+    "shape too small": ("400.0", "-1.0", r"threshold_ma: -1\.0 is outside"),
+    "shape not a number": ("400.0", ".nan", r":6: .*finite"),
+    "key misspelt": ("delay_s:", "delays_s:", r":4: delays_s: .*delay_s"),
+    "parameter missing": ("b_1_mps_per_ma: 0.001, c", "c", r"parameters: b_1_mps_per_ma missing.*needs a_1, b_0"),
+    "parameter too many": ("{a_1: 0.5,", "{a_1: 0.5, a_2: 0.1,", r"parameters: a_2 missing or not of this structure"),
+    "no parameters": (
+        "{a_1: 0.5, b_0_mps_per_ma: 0.001, b_1_mps_per_ma: 0.001, c_0_mps: 0.0}",
+        "{}",
+        r"parameters: a_1, b_0_mps_per_ma, b_1_mps_per_ma, c_0_mps missing",
+    ),
+    "standard error missing": ("a_1: 0.1, ", "", r"standard_errors: a_1 missing"),
+    "standard error negative": ("a_1: 0.1, ", "a_1: -0.1, ", r":9: standard_errors\.a_1.*0"),
+    "delay between samples": ("delay_s: 0.4", "delay_s: 0.5", r"delay_s: 0\.5 is no multiple of period_s, 0\.2"),
+    "delay negative": ("delay_s: 0.4", "delay_s: -0.4", r":4: delay_s"),
+    "delay not a number": ("delay_s: 0.4", "delay_s: soon", r":4: delay_s"),
+    "period of zero": ("period_s: 0.2", "period_s: 0.0", r":1: period_s"),
+    "no input": ("nb: 2", "nb: 0", r":3: nb"),
+    "order negative": ("na: 1", "na: -1", r":2: na"),
+    "order beyond reason": ("na: 1", "na: 1000000000", r":2: na"),
+    "residual of nothing": ("residual_std_mps: 0.02", "residual_std_mps: 0.0", r":10: residual_std_mps"),
+}
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_a_mistake_says_where_and_what(tmp_path, mistake):
+    before, after, complaint = MISTAKES[mistake]
+    assert GOOD.count(before) == 1
+    path = tmp_path / "model.yaml"
+    path.write_text(GOOD)
+    files.load(path)
+    path.write_text(GOOD.replace(before, after))
+    with pytest.raises(SettingsError, match=complaint) as raised:
+        files.load(path)
+    assert str(path) in str(raised.value)
+
+
+def test_no_such_file(tmp_path):
+    with pytest.raises(SettingsError, match="no such file"):
+        files.load(tmp_path / "nothing.yaml")
+
+
+def test_a_model_that_is_not_a_number_is_not_written(tmp_path):
+    path = tmp_path / "m.yaml"
+    with pytest.raises(ValueError, match="finite"):
+        files.save(path, Model(0.2, 0, 1, 0, (), (math.nan, 0.0)), Provenance())
+    assert not path.exists()
+
+
+def test_a_model_with_one_effect_twice_is_not_written_as_one_with_it_once(tmp_path):
+    zone = EFFECTS["dead_zone"](threshold_ma=100.0)
+    with pytest.raises(ValueError, match="dead_zone"):
+        files.save(tmp_path / "m.yaml", Model(0.2, 0, 1, 0, (zone, zone), (1e-3, 0.0)), Provenance())

@@ -38,10 +38,11 @@ def run(
     settings = service_settings.load(config)
     node = CruiseNode.load(settings)
     lateness, running = Lateness(), Running()
-    lines_at_s = 0.0
+    lines_at_s = ended_s = 0.0
 
     def each_tick(now_s: float) -> None:
-        nonlocal lines_at_s
+        nonlocal lines_at_s, ended_s
+        ended_s = now_s
         if quiet or now_s < lines_at_s:
             return
         lines_at_s = now_s + 10.0
@@ -54,9 +55,11 @@ def run(
 
     with open_bus(settings.can) as bus:
         print(f"cruise: on {settings.can.bus} {settings.can.channel}, command every {node.period_s} s", flush=True)
-        now_s = serve(node, bus, running, each_tick, lateness)
-        for frame in node.stop(now_s):
-            bus.send(frame)
+        try:
+            serve(node, bus, running, each_tick, lateness)
+        finally:  # whatever ended it: as long as there is a bus, the last word on it is neutral
+            for frame in node.stop(ended_s):
+                bus.send(frame)
     print(
         f"cruise: stopped, neutral sent; ticks late by p50 {lateness.quantile_ms(0.5):.1f}, "
         f"p99 {lateness.quantile_ms(0.99):.1f}, max {lateness.worst_ms:.1f} ms; {lateness.missed} left out",

@@ -139,7 +139,7 @@ class Engagement:
             "brake": now.brake,
             "clutch": now.clutch,
             "lever_moved": abs(now.lever_pct - self._lever_pct) > settings.lever_moved_pct,
-            "neutral": not now.gear > 0,
+            "neutral": now.gear <= 0,
             "signals_lost": not now.signals_valid,
             "setpoint_invalid": not settings.speed_min_mps <= target_mps <= settings.speed_max_mps,
             "overspeed": now.speed_mps - max(target_mps, now.reference_mps) > settings.overspeed_mps,

@@ -15,7 +15,6 @@ from cruise.effects import EFFECTS, Effect
 from cruise.model.model import Model
 from cruise.settings import SettingsError
 
-
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 NotNegative = Annotated[float, msgspec.Meta(ge=0)]
 

@@ -129,8 +129,8 @@ def serve(
     running: Callable[[], bool],
     each_tick: Callable[[float], None] | None = None,
     lateness: Lateness | None = None,
-) -> float:
-    """Run one node on the monotonic clock while `running()`; time starts at zero. Returns when it ended.
+) -> None:
+    """Run one node on the monotonic clock while `running()`; time starts at zero.
 
     A tick that comes more than a period late is counted, and what it missed is left out rather than made up.
     """
@@ -154,7 +154,6 @@ def serve(
             bus.send(outgoing)
         if each_tick is not None:
             each_tick(now_s)
-    return time.monotonic() - begin
 
 
 def _steps(period_s: float, step_s: float) -> int:

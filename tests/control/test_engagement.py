@@ -49,7 +49,7 @@ EXITS = [
     ({"lever_pct": 47.0}, State.STANDBY, ExitReason.OVERRIDE),
     ({"lever_pct": 0.0}, State.STANDBY, ExitReason.OVERRIDE),
     ({"gear": 0.0}, State.STANDBY, ExitReason.CONTROL_POSITION),
-    ({"gear": math.nan, "signals_valid": False}, State.STANDBY, ExitReason.CONTROL_POSITION),
+    ({"gear": math.nan, "signals_valid": False}, State.STANDBY, ExitReason.FUNCTION_FAULT),
     ({"signals_valid": False}, State.STANDBY, ExitReason.FUNCTION_FAULT),
     ({"speed_mps": 2.2}, State.FAULT, ExitReason.FUNCTION_FAULT),
 ]

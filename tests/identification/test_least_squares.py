@@ -70,7 +70,7 @@ def test_a_hole_costs_its_samples_and_nothing_else():
 
 
 def test_a_recording_without_a_needed_signal_is_refused_by_name():
-    with pytest.raises(FitError, match="truth.csv: the model needs engine_speed_rpm"):
+    with pytest.raises(FitError, match=r"truth\.csv: the model needs engine_speed_rpm"):
         fit(UNKNOWN, [without(recording(), "engine_speed_rpm")])
 
 

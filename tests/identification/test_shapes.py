@@ -9,6 +9,7 @@ from cruise.effects.dead_zone import DeadZone
 from cruise.effects.quadratic_gain import QuadraticGain
 from cruise.identification.least_squares import FitError, fit
 from cruise.identification.shapes import ahead_rms_mps, fit_shapes
+from cruise.model.model import Model
 from tests.identification.truth import CURVATURE, EFFECTS, MODEL, THETA, THRESHOLD_MA, currents, recording
 
 SHAPES = (("dead_zone", "threshold_ma"), ("quadratic_gain", "curvature"))
@@ -20,8 +21,12 @@ def wrong(threshold_ma: float, curvature: float):
     return replace(MODEL, effects=effects, theta=(0.0,) * 4)
 
 
-def shapes_of(model):
-    return model.effects[0].threshold_ma, model.effects[1].curvature
+def shapes_of(model: Model) -> tuple[float, float]:
+    """Threshold in mA and curvature."""
+    zone, curve, *_ = model.effects
+    assert isinstance(zone, DeadZone)
+    assert isinstance(curve, QuadraticGain)
+    return zone.threshold_ma, curve.curvature
 
 
 def test_without_noise_dead_zone_and_curvature_come_back_exactly():
@@ -48,12 +53,12 @@ def test_only_what_is_named_moves():
 def test_a_threshold_above_every_current_is_passed_over_in_the_search():
     low = recording(400, noise_mps=0.0, current_ma=currents(400, 5, 450.0, 560.0))
     found = fit_shapes(wrong(540.0, CURVATURE), [low], SHAPES[:1])
-    assert found.effects[0].threshold_ma == pytest.approx(THRESHOLD_MA, abs=2.0)
+    assert shapes_of(found)[0] == pytest.approx(THRESHOLD_MA, abs=2.0)
 
 
 def test_shapes_stay_within_their_bounds():
     found = fit_shapes(wrong(5.0, CURVATURE), [recording(300, 6, 0.0)], SHAPES[:1])
-    assert 0.0 <= found.effects[0].threshold_ma <= 800.0
+    assert 0.0 <= shapes_of(found)[0] <= 800.0
 
 
 def test_what_can_not_be_fitted_at_all_says_why():

@@ -1,4 +1,4 @@
-"""A known truth, simulated by hand: an ARX drive behind a dead zone and a curve, on an engine that changes its speed."""
+"""A known truth, simulated by hand: an ARX drive behind dead zone and curve, on an engine that changes its speed."""
 
 import numpy as np
 

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cruise.effects import EFFECTS
+from cruise.effects.dead_zone import DeadZone
 from cruise.model import files
 from cruise.model.files import Provenance
 from cruise.model.model import Model
@@ -144,6 +145,6 @@ def test_a_model_that_is_not_a_number_is_not_written(tmp_path):
 
 
 def test_a_model_with_one_effect_twice_is_not_written_as_one_with_it_once(tmp_path):
-    zone = EFFECTS["dead_zone"](threshold_ma=100.0)
+    zone = DeadZone(threshold_ma=100.0)
     with pytest.raises(ValueError, match="dead_zone"):
         files.save(tmp_path / "m.yaml", Model(0.2, 0, 1, 0, (zone, zone), (1e-3, 0.0)), Provenance())

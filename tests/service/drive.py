@@ -125,7 +125,7 @@ def plant_settings() -> PlantSettings:
     return strict.load(CONFIG / "plant.yaml", PlantSettings)
 
 
-ENGAGE_S = 6.0  # s, when the operator presses the button
+ENGAGE_S = 5.0  # s, when the operator presses the button
 FIELD = (FieldRow(at_s=0.0, engine_speed_setpoint_rpm=2100.0, gear=2),)
 OPERATOR = (
     OperatorRow(at_s=0.2, cruise_enable=1.0, setpoint_mps=1.2),

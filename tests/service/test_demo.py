@@ -91,7 +91,7 @@ def test_ctrl_c_ends_the_drive_with_neutral_and_says_so(tmp_path):
     report = result.report()
     assert report["interrupted"]
     assert report["seconds"] == pytest.approx(21.05)
-    assert not result.node.engagement.state == "engaged"
+    assert result.node.engagement.state != "engaged"
 
 
 def test_the_trace_has_a_row_a_frame_and_named_columns(logged):

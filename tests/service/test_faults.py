@@ -1,4 +1,4 @@
-"""Cruise on the bus, end to end: it drives, and every fault ends in neutral, in time, for the right reason, for good."""
+"""Cruise on the bus, end to end: it drives; every fault ends in neutral, in time, for the right reason, for good."""
 
 import math
 import random
@@ -13,7 +13,7 @@ from cruise.sampling import StreamSampler
 from cruise.service.course import FieldRow, OperatorRow
 from tests.service.drive import CAN, ENGAGE_S, Tamper, Whole
 
-FAULT_S, RETURN_S, END_S = 8.0, 9.0, 10.5  # s, the fault comes, goes again, the drive ends
+FAULT_S, RETURN_S, END_S = 6.4, 7.2, 8.4  # s, the fault comes, goes again, the drive ends
 IN_TIME_S = 0.3 + 0.05  # s, three messages at 10 Hz, seen at the next tick
 
 
@@ -66,7 +66,7 @@ class Stuck:
 SIGNAL_FAULTS = {
     "drive feedback lost": ("DriveFeedback", nothing, ExitReason.FUNCTION_FAULT),
     "drive feedback damaged": ("DriveFeedback", flipped, ExitReason.FUNCTION_FAULT),
-    "drive feedback stuck": ("DriveFeedback", Stuck(), ExitReason.FUNCTION_FAULT),
+    "drive feedback stuck": ("DriveFeedback", Stuck, ExitReason.FUNCTION_FAULT),
     "speed not available": ("DriveFeedback", unavailable(2, 2, CAN.data_ids.drive_feedback), ExitReason.FUNCTION_FAULT),
     "current not available": (
         "DriveFeedback",
@@ -75,7 +75,7 @@ SIGNAL_FAULTS = {
     ),
     "engine speed lost": ("EEC1", nothing, ExitReason.FUNCTION_FAULT),
     "engine speed not available": ("EEC1", unavailable(3, 2), ExitReason.FUNCTION_FAULT),
-    "gear lost": ("ETC2", nothing, ExitReason.CONTROL_POSITION),
+    "gear lost": ("ETC2", nothing, ExitReason.FUNCTION_FAULT),
     "lever lost": ("MachineState", nothing, ExitReason.FUNCTION_FAULT),
     "lever not available": ("MachineState", unavailable(2, 2, CAN.data_ids.machine_state), ExitReason.FUNCTION_FAULT),
     "panel lost": ("CCVS", nothing, ExitReason.OPERATOR_LOST),
@@ -128,7 +128,7 @@ def left_for_good(drive: Whole, reason: ExitReason) -> None:
 @pytest.mark.parametrize("fault", SIGNAL_FAULTS)
 def test_a_signal_that_is_lost_ends_the_drive(fault):
     message, harm, reason = SIGNAL_FAULTS[fault]
-    drive = Whole(between(harm, message)).run(END_S)
+    drive = Whole(between(Stuck() if harm is Stuck else harm, message)).run(END_S)
     left_for_good(drive, reason)
     assert drive.node.missing == ()  # everything has been there again for a while
     assert not drive.machine.lever_counts
@@ -154,6 +154,23 @@ def test_signals_that_the_model_does_not_need_may_go_and_come():
     drive = Whole(tamper).run(FAULT_S + 4.0)  # oil temperature is stale 3 s later
     assert drive.engaged_at(drive.now_s)
     assert drive.node.engagement.setpoint_mps == pytest.approx(1.2)
+
+
+def test_another_sources_speed_is_not_taken_for_the_drives():
+    def harm(frame: Frame) -> Iterable[Frame]:
+        frame.data[:2] = (5000).to_bytes(2, "little")  # 5 m/s
+        return (frame,)
+
+    quiet, other = Whole().run(END_S), Whole(between(harm, "GBSD")).run(END_S)
+    assert other.listener.commands == quiet.listener.commands
+
+
+def test_a_pause_of_the_setpoints_frames_is_no_new_word_of_the_operator():
+    press = OperatorRow(at_s=ENGAGE_S + 0.8, press="accelerate")
+    pause = between(nothing, "MachineSelectedSpeedCommand")
+    drive = Whole(pause, operator=(press,)).run(END_S)
+    assert drive.engaged_at(END_S)
+    assert drive.node.engagement.setpoint_mps == pytest.approx(1.3)
 
 
 def test_foreign_frames_of_any_kind_change_nothing():
@@ -230,10 +247,10 @@ def test_a_stopped_service_does_not_engage_again():
 
 
 def test_a_new_press_engages_again_after_the_fault():
-    again = OperatorRow(at_s=13.0, press="resume")
+    again = OperatorRow(at_s=RETURN_S + 4.0, press="resume")
     # The lever has to be moved before it drives again, and the machine has to move before cruise may.
-    move = OperatorRow(at_s=9.2, lever_pct=48.0)
-    drive = Whole(between(nothing, "EEC1"), operator=(move, again)).run(14.0)
+    move = OperatorRow(at_s=RETURN_S + 0.2, lever_pct=48.0)
+    drive = Whole(between(nothing, "EEC1"), operator=(move, again)).run(RETURN_S + 5.0)
     assert drive.machine.lever_counts
     assert [state for _, state in drive.states][-1] is State.ENGAGED
     assert drive.listener.reasons[-1][1] == ExitReason.NONE

@@ -78,6 +78,12 @@ def test_what_comes_after_the_next_change_is_not_counted_for_the_one_before():
     assert figures(setpoint, speed)["overshoot_pct"] == pytest.approx(0.0)
 
 
+def test_each_change_has_its_own_size():
+    setpoint = pieces((1.4, 20.0), (1.5, 2.0), (1.0, 2.0), (1.5, 20.0))
+    speed = pieces((1.4, 20.0), (1.5, 2.0), (1.0, 2.0), (1.55, 2.0), (1.5, 18.0))
+    assert figures(setpoint, speed)["overshoot_pct"] == pytest.approx(10.0)  # of 0.5 m/s, not of 0.1
+
+
 def test_what_comes_after_the_operator_took_over_is_no_overshoot():
     setpoint = pieces((1.5, 20.0), (1.0, 4.0), (math.nan, 20.0))
     speed = pieces((1.5, 20.0), (0.95, 4.0), (0.0, 20.0))

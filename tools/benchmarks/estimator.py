@@ -137,20 +137,31 @@ def measure(seconds: float = SECONDS, rounds: int = ROUNDS) -> Part:
     learn = counted["learn"]
     figures = [
         Figure("update_p50_us", middle["learn"], "us", "Estimator.learn, p50"),
-        Figure(
-            "update_p99_us", float(np.quantile(learn, 0.99)), "us", "Estimator.learn, p99", at_most=LATEST_US
-        ),
+        Figure("update_p99_us", float(np.quantile(learn, 0.99)), "us", "Estimator.learn, p99", at_most=LATEST_US),
         Figure("update_max_us", float(learn.max()), "us", "Estimator.learn, max"),
         Figure("over_numpy", middle["learn"] / middle["numpy"], "1", "relative to a bare numpy RLS"),
         Figure("over_padasip", middle["learn"] / middle["padasip"], "1", "relative to padasip's FilterRLS.adapt"),
         Figure(
-            "over_filterpy", middle["learn"] / middle["filterpy"], "1", "relative to filterpy's KalmanFilter", at_most=1.0
+            "over_filterpy",
+            middle["learn"] / middle["filterpy"],
+            "1",
+            "relative to filterpy's KalmanFilter",
+            at_most=1.0,
         ),
-        Figure("recursion_over_filterpy", middle["recursion"] / middle["filterpy"], "1",
-               "its SquareRootRls alone, like for like, relative to filterpy"),
+        Figure(
+            "recursion_over_filterpy",
+            middle["recursion"] / middle["filterpy"],
+            "1",
+            "its SquareRootRls alone, like for like, relative to filterpy",
+        ),
         *(
             Figure(f"{name}_p50_us", middle[name], "us", f"{title}, p50")
-            for name, title in (("recursion", "SquareRootRls alone"), ("numpy", "numpy RLS"), ("padasip", "padasip"), ("filterpy", "filterpy"))
+            for name, title in (
+                ("recursion", "SquareRootRls alone"),
+                ("numpy", "numpy RLS"),
+                ("padasip", "padasip"),
+                ("filterpy", "filterpy"),
+            )
         ),
         Figure("updates", float(learn.size), "1", "updates timed, all with the gate open"),
         Figure("parameters", float(size), "1", "parameters"),

@@ -36,6 +36,11 @@ class Figure:
         high = math.inf if self.at_most is None else self.at_most
         return "met" if low <= self.value <= high else "missed"
 
+    @property
+    def missed(self) -> bool:
+        """Whether there is a target and this is not it."""
+        return self.verdict == "missed"
+
     def as_json(self) -> dict[str, Any]:
         """Value, unit, target and verdict; a NaN becomes None."""
         value = self.value if math.isfinite(self.value) else None
@@ -52,12 +57,15 @@ class Part:
     series: Mapping[str, list[float]] = field(default_factory=dict)  # columns over time or cases, for whoever draws
 
     def as_json(self) -> dict[str, Any]:
-        """The figures by key, with seeds, notes and series."""
+        """The figures by key, with seeds, notes and series; a NaN becomes None."""
+        series = {
+            name: [value if math.isfinite(value) else None for value in values] for name, values in self.series.items()
+        }
         return {
             "figures": {figure.key: figure.as_json() for figure in self.figures},
             "seeds": list(self.seeds),
             "notes": list(self.notes),
-            "series": dict(self.series),
+            "series": series,
         }
 
 

@@ -12,6 +12,7 @@ from cruise.sampling import SamplingSettings, StreamSampler
 from cruise.signals import INPUT, OUTPUT, Sample
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
+PERIOD_S = 0.2  # s, the model's, 5 Hz by default (design)
 _NAMES = (INPUT, OUTPUT, "engine_speed_rpm", "gear")
 
 
@@ -19,7 +20,7 @@ def drive(
     plant: PlantSettings,
     seed: int,
     seconds: float,
-    period_s: float = 0.2,
+    period_s: float = PERIOD_S,
     changes: Sequence[tuple[float, PlantSettings]] = (),
 ) -> Recording:
     """A commissioning drive on level concrete in second gear: random steps of the current, held 0.6 to 4 s.

@@ -1,0 +1,51 @@
+"""`tools/bench [PART...] [--json]`: every figure beside its target, from one run."""
+
+import json
+from collections.abc import Callable
+from time import perf_counter
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from . import driving, engaged, estimator, learning, loop, plant
+from .figures import Part, show
+
+PARTS: dict[str, Callable[[], Part]] = {
+    "estimator": estimator.measure,  # time of one update
+    "loop": loop.measure,  # lateness at 100 Hz
+    "plant": plant.measure,  # speed of the virtual combine
+    "learning": learning.measure,  # against batch least squares, and after a change
+    "constant": engaged.constant_speed,  # half an hour of constant speed
+    "together": engaged.together,  # offset, disturbance and drift at once
+    "drive": driving.measure,  # the demo's figures
+}
+
+
+def bench(
+    parts: Annotated[list[str] | None, typer.Argument(metavar="[PART]...", help=f"Of {', '.join(PARTS)}.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+) -> None:
+    """Measure the parts, all without an argument, and print their figures beside the targets."""
+    chosen = parts or list(PARTS)
+    unknown = [name for name in chosen if name not in PARTS]
+    if unknown:
+        raise typer.BadParameter(f"no such part: {', '.join(unknown)}; there are {', '.join(PARTS)}")
+    progress, found = Console(stderr=True), {}
+    for name in chosen:
+        begin_s = perf_counter()
+        progress.print(f"{name} ...", end=" ")
+        found[name] = PARTS[name]()
+        progress.print(f"{perf_counter() - begin_s:.0f} s")
+    if as_json:
+        typer.echo(json.dumps({name: part.as_json() for name, part in found.items()}, indent=2))
+        return
+    console = Console()
+    for name, part in found.items():
+        show(name, part, console)
+    missed = [f"{name}.{figure.key}" for name, part in found.items() for figure in part.figures if figure.missed]
+    console.print(f"missed: {', '.join(missed)}" if missed else "every target met", soft_wrap=True)
+
+
+if __name__ == "__main__":
+    typer.run(bench)

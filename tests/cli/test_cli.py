@@ -28,16 +28,18 @@ def cruise(monkeypatch, capsys):
 @pytest.fixture(scope="module")
 def driven(tmp_path_factory):
     """A short demo, twice with the same seed and once with another: folder and the three JSON texts."""
-    texts = []
+    driven = []
     for name, seed in (("one", "4"), ("two", "4"), ("other", "5")):
-        folder = tmp_path_factory.mktemp(name)
-        with pytest.MonkeyPatch.context() as patch, pytest.raises(SystemExit) as ended:
-            words = ["demo", "--headless", "--seconds", "40", "--seed", seed, "--json", "--out", str(folder)]
+        folder, texts = tmp_path_factory.mktemp(name), []
+        words = ["demo", "--headless", "--seconds", "40", "--seed", seed, "--json", "--out", str(folder)]
+        with pytest.MonkeyPatch.context() as patch:
             patch.setattr(sys, "argv", ["cruise", *words])
-            patch.setattr("builtins.print", lambda text, *_, **__: texts.append((folder, text)))
-            cli.main()
+            patch.setattr("builtins.print", lambda text, kept=texts, **_: kept.append(text))
+            with pytest.raises(SystemExit) as ended:
+                cli.main()
         assert not ended.value.code
-    return texts
+        driven.append((folder, texts[0]))
+    return driven
 
 
 def test_the_same_seed_gives_the_same_json_and_the_same_log(driven):

@@ -144,7 +144,8 @@ def test_constant_speed_compares_the_same_change(part, monkeypatch):
         for when in ("before", "after"):
             assert 0.0 <= found[f"overshoot_{name}_{when}_pct"] < 50.0
             assert 0.0 < found[f"settling_{name}_{when}_s"] < engaged.HOLD_S
-    assert 0.0 < found["std_ratio_max"] <= 1.0 + 1e-6
+    assert 0.0 < found["std_ratio"] <= 1.0 + 1e-6
+    assert 0.0 < found["std_ratio_ungated"] <= 1.0 + 1e-6
 
 
 def test_together_reports_every_case(part, monkeypatch):

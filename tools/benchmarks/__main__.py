@@ -1,6 +1,7 @@
 """`tools/bench [PART...] [--json]`: every figure beside its target, from one run."""
 
 import json
+import sys
 from collections.abc import Callable
 from time import perf_counter
 from typing import Annotated
@@ -11,6 +12,7 @@ from rich.console import Console
 from . import driving, engaged, estimator, learning, loop, plant
 from .figures import Part, show
 
+PAPER = 140  # characters, width of the tables in a file
 PARTS: dict[str, Callable[[], Part]] = {
     "estimator": estimator.measure,  # time of one update
     "loop": loop.measure,  # lateness at 100 Hz
@@ -40,7 +42,7 @@ def bench(
     if as_json:
         typer.echo(json.dumps({name: part.as_json() for name, part in found.items()}, indent=2))
         return
-    console = Console()
+    console = Console(width=None if sys.stdout.isatty() else PAPER)
     for name, part in found.items():
         show(name, part, console)
     missed = [f"{name}.{figure.key}" for name, part in found.items() for figure in part.figures if figure.missed]

@@ -9,6 +9,9 @@ from rich.console import Console
 from rich.table import Table
 
 
+WIDTH = 8  # characters of a number in a series
+
+
 @dataclass(frozen=True, slots=True)
 class Figure:
     """One number. `value` NaN: it could not be measured. Without a bound it is for information."""
@@ -82,9 +85,9 @@ def show(name: str, part: Part, console: Console) -> None:
     if part.series:
         columns = Table(box=None, padding=(0, 1))
         for heading in part.series:
-            columns.add_column(heading, justify="right")
+            columns.add_column(heading, justify="right", min_width=WIDTH)
         for row in zip(*part.series.values(), strict=True):
-            columns.add_row(*(f"{value:.4g}" for value in row))
+            columns.add_row(*(f"{value:.3g}" for value in row))
         console.print(columns)
     for note in part.notes:
         console.print(f"  {note}", highlight=False, soft_wrap=True)

@@ -139,7 +139,7 @@ def test_constant_speed_compares_the_same_change(part, monkeypatch):
     engaged = part("engaged")
     monkeypatch.setattr(engaged, "STEPS_S", 32.0)
     monkeypatch.setattr(engaged, "HOLD_S", 6.0)
-    found = values(engaged.constant_speed(constant_s=6.0))
+    found = values(engaged.constant_speed(constant_s=12.0))
     for name in ("up", "down"):
         for when in ("before", "after"):
             assert 0.0 <= found[f"overshoot_{name}_{when}_pct"] < 50.0

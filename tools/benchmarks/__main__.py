@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from . import driving, engaged, estimator, learning, loop, plant
+from . import dart, driving, engaged, estimator, learning, loop, plant
 from .figures import Part, show
 
 PAPER = 140  # characters, width of the tables in a file
@@ -21,6 +21,7 @@ PARTS: dict[str, Callable[[], Part]] = {
     "constant": engaged.constant_speed,  # half an hour of constant speed
     "together": engaged.together,  # offset, disturbance and drift at once
     "drive": driving.measure,  # the demo's figures
+    "dart": dart.measure,  # measured drives
 }
 
 

@@ -132,7 +132,7 @@ def true_gain_mps_per_ma(plant: PlantSettings, grade_deg: float, rolling_resista
 
 
 def ungated_std_ratio(factory: Model, samples: Sequence[Sample]) -> float:
-    """Largest theta_std over the factory's when all parameters learn from every one of these samples, gate or no gate."""
+    """Largest theta_std over the factory's when all parameters learn from all samples, excitation or not."""
     gate = GateSettings(excitation_min_mps=0.0)
     estimator = Estimator(factory, EstimatorSettings(gate=gate))
     largest = 0.0
@@ -165,7 +165,7 @@ def constant_speed(constant_s: float = CONSTANT_S) -> Part:
             "std_ratio_ungated",
             ungated_std_ratio(factory, constant),
             "1",
-            "the same if every sample taught, largest on the way",
+            "the same, gate open without excitation, largest on the way",
             BOUNDED,
         ),
     ]
@@ -242,7 +242,7 @@ def together(end_s: float = END_S) -> Part:
     note = (
         f"{'They fight' if fight else 'They do not fight'}: c_0 moved by {offset_moved:.2g} m/s, and hill and drift at "
         f"once give the gain of the two alone within {crosstalk.value:.1f} %. The hill takes "
-        f"{100.0 * (1.0 - float(true['hill'].min())):.0f} % of the machine's own gain too; the learned gain follows late."
+        f"{100.0 * (1.0 - float(true['hill'].min())):.0f} % of the machine's own gain; the learned gain follows late."
     )
     columns = {"until_s": times_s.tolist()}
     for name in CASES:

@@ -128,6 +128,11 @@ class Model:
         """The effects that add a force term."""
         return self._at(Stage.LOAD)
 
+    @cached_property
+    def pacing_effects(self) -> tuple[Effect, ...]:
+        """The effects that move the poles."""
+        return tuple(effect for effect in self.effects if type(effect).pace is not Effect.pace)
+
     def _at(self, stage: Stage) -> tuple[tuple[int, Effect], ...]:
         return tuple((i, effect) for i, effect in enumerate(self.effects) if effect.stage is stage)
 
@@ -161,25 +166,23 @@ class Model:
 
     def apply(self, state: ModelState, current_ma: Value, signals: Signals) -> ModelState:
         """The state once the current and the signals of sample k are known, and its speed is not."""
-        last = state.speeds[0]
-        states = list(state.effects)
-        drive = current_ma
+        last, dt_s = state.speeds[0], self.period_s
+        memory = list(state.effects)
+        drive, gain, pace, loads = current_ma, 1.0, 1.0, []
         for i, effect in self.command_effects:
-            drive, states[i] = effect.step(drive, last, signals, states[i], self.period_s)
-        gain, pace = 1.0, 1.0
+            drive, memory[i] = effect.step(drive, last, signals, memory[i], dt_s)
         for i, effect in self.gain_effects:
-            gain, states[i] = effect.step(gain, last, signals, states[i], self.period_s)
-        for effect in self.effects:
+            gain, memory[i] = effect.step(gain, last, signals, memory[i], dt_s)
+        for effect in self.pacing_effects:
             pace = pace * effect.pace(signals)
-        loads = []
         for i, effect in self.load_effects:
-            load, states[i] = effect.step(0.0, last, signals, states[i], self.period_s)
+            load, memory[i] = effect.step(0.0, last, signals, memory[i], dt_s)
             loads.append(load)
-        return ModelState(state.speeds, (drive, *state.drives[:-1]), gain, pace, tuple(loads), tuple(states))
+        return ModelState(state.speeds, (drive, *state.drives[:-1]), gain, pace, tuple(loads), tuple(memory))
 
     def observe(self, state: ModelState, speed_mps: Value) -> ModelState:
         """The state once the speed of sample k is known too."""
-        return state._replace(speeds=(speed_mps, *state.speeds[:-1]))
+        return ModelState((speed_mps, *state.speeds[:-1]), *state[1:])
 
     def advance(self, state: ModelState, current_ma: Value, speed_mps: Value, signals: Signals) -> ModelState:
         """One whole measured sample on."""
@@ -267,4 +270,4 @@ class Model:
 
     def usable(self, signals: Mapping[str, float]) -> bool:
         """Whether every needed signal was measured."""
-        return all(math.isfinite(signals.get(name, math.nan)) for name in self.needs)
+        return not any(math.isnan(signals.get(name, math.nan)) for name in self.needs)

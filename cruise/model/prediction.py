@@ -33,7 +33,7 @@ def states_over(
         drives, memory[i] = over(effect, drives, past, signals, model.period_s)
     for i, effect in model.gain_effects:
         gain, memory[i] = over(effect, gain, past, signals, model.period_s)
-    for effect in model.effects:
+    for effect in model.pacing_effects:
         pace = pace * effect.pace(signals)
     for i, effect in model.load_effects:
         load, memory[i] = over(effect, 0.0, past, signals, model.period_s)

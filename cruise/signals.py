@@ -9,6 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
+import msgspec
+
 Signals = Mapping[str, Any]
 """Signal name to value: a float online, an array over time offline."""
 
@@ -28,8 +30,7 @@ class Signal:
     meaning: str
 
 
-@dataclass(frozen=True, slots=True)
-class Reading:
+class Reading(msgspec.Struct, frozen=True, gc=False):
     """One value of one signal, valid at one instant: what a sensor emits and what a CAN frame decodes to."""
 
     name: str

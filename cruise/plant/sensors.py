@@ -95,8 +95,7 @@ class SensorsSettings(Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     line_pressure_bar: SensorSettings = SensorSettings(rate_hz=20.0, noise=1.5, resolution=0.5, delay_s=0.005)
 
 
-@dataclass(frozen=True, slots=True)
-class SensorReading(Reading):
+class SensorReading(Reading, frozen=True, gc=False):
     """A reading and the sensor that gave it: two sensors show the ground speed."""
 
     sensor: str

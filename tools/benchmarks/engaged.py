@@ -239,11 +239,12 @@ def together(end_s: float = END_S) -> Part:
         CROSSTALK_PCT,
     )
     late_pct = 100.0 * abs(float(learned["hill"][-1] / true["hill"][-1]) - 1.0)
+    taken_pct = 100.0 * (1.0 - float(true["hill"].min()))
+    since_s = float(times_s[-1]) - HILL_S[1]
     note = (
         f"c_0 moved by {offset_moved:.2g} m/s; hill and drift at once give the gain of the two alone within "
-        f"{crosstalk.value:.1f} %. The hill takes {100.0 * (1.0 - float(true['hill'].min())):.0f} % of the "
-        f"machine's own gain; {times_s[-1] - HILL_S[1]:.0f} s after it the learned gain is still {late_pct:.0f} % off: that error "
-        "is too small to shorten the memory."
+        f"{crosstalk.value:.1f} %. The hill takes {taken_pct:.0f} % of the machine's own gain; {since_s:.0f} s later "
+        f"the learned gain is still {late_pct:.0f} % off: that error is too small to shorten the memory."
     )
     columns = {"until_s": times_s.tolist()}
     for name in CASES:

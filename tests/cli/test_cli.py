@@ -172,3 +172,18 @@ def test_help_names_every_verb(cruise):
     assert code == 0
     for verb in cli.VERBS:
         assert verb in out
+
+
+def test_a_bus_that_disappears_ends_the_service_with_one_clear_line(cruise, tmp_path, monkeypatch):
+    from cruise.can.bus import BusLostError, LocalBus
+
+    def gone(self, *_):
+        raise BusLostError("can0: the interface went away")
+
+    monkeypatch.setattr(LocalBus, "receive", gone)
+    text = f"model: {CONFIG / 'factory_model.yaml'}\ndatabase: {CONFIG / 'cruise.dbc'}\ncan: {{bus: virtual}}\n"
+    (tmp_path / "cruise.yaml").write_text(text)
+    code, _, err = cruise("run", tmp_path / "cruise.yaml")
+    assert code == 3
+    assert "the interface went away" in err
+    assert "Traceback" not in err

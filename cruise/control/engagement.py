@@ -29,7 +29,6 @@ class ExitReason(IntEnum):
     RELEASED = 2  # control of the function released
     OVERRIDE = 3  # operator override of the function
     CONTROL_POSITION = 4  # operator control not in a valid position
-    COMMAND_TIMEOUT = 5  # remote command timeout
     COMMAND_INVALID = 6  # remote command out of range or invalid
     FUNCTION_FAULT = 9  # fault of the function
 

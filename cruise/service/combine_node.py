@@ -2,7 +2,8 @@
 
 The drive's own electronics are here too, as any machine has them: a command counts only while it is marked active,
 intact and younger than the time-out; otherwise the lever drives. When cruise lets go, the pump goes to neutral and
-the lever counts again only once it has been moved, so that nothing starts by itself.
+the lever counts again only once it has been moved; after a time-out an active command counts again only once an
+inactive one has been seen. So nothing starts by itself.
 """
 
 import math
@@ -58,6 +59,7 @@ class CombineNode:
         self.shown: dict[tuple[str, str], float] = {}
         self.command_ma = math.nan
         self.command_s = -math.inf
+        self.command_counts = True  # False from a time-out to the next inactive command
         self.lever_counts = True
         self.lever_pct = 0.0
         self.driven_by_cruise = False
@@ -70,6 +72,7 @@ class CombineNode:
             return
         values = {reading.name: reading.value for reading in decoded.readings}
         active = values.get("command_active", 0.0) == 1.0
+        self.command_counts = self.command_counts or not active
         self.command_ma = values.get("pump_current_command_ma", math.nan) if active else math.nan
         self.command_s = frame.timestamp
 
@@ -102,7 +105,9 @@ class CombineNode:
         field, operator = self.field, self.operator
         lever_pct = value_at(operator, "lever_pct", 0.0, now_s)
         fresh = now_s - self.command_s <= COMMAND_TIMEOUT_S
-        by_cruise = fresh and math.isfinite(self.command_ma)
+        if self.driven_by_cruise and not fresh:
+            self.command_counts = False
+        by_cruise = fresh and self.command_counts and math.isfinite(self.command_ma)
         if self.driven_by_cruise and not by_cruise:
             self.lever_counts, self._lever_at_exit = False, lever_pct
         if not self.lever_counts and abs(lever_pct - self._lever_at_exit) > LEVER_MOVED_PCT:

@@ -23,6 +23,7 @@ from cruise.signals import CONTEXT, INPUT, OUTPUT, Sample
 
 FAST_MESSAGE = "DriveFeedback"  # speed and current that the model lives on; other messages only add context
 WHEEL_BASED = 0.0  # ISO 11783-7, SPN 4308: the drive's own speed comes from its gearbox
+PAUSE_S = 0.15  # s between two ticks, beyond which the drive may have gone to neutral: a paused process lets go
 SPEED_PERIOD_S = 0.1  # s, of the machine selected speed (ISO 11783-7)
 _OPERATOR = ("cruise_enable", "cruise_set", "cruise_resume", "cruise_accelerate", "cruise_coast")
 _SAFETY = ("brake_pedal", "clutch_pedal", "lever_pct")
@@ -70,6 +71,7 @@ class CruiseNode:
         self.latest: dict[str, tuple[float, float]] = {}
         self.faults: Counter[str] = Counter()
         self.ticks = 0
+        self.last_s = math.nan  # time of the last tick
         self.speed_every = max(round(SPEED_PERIOD_S / self.period_s), 1)
         self.sample: Sample | None = None
         self.learned = Learned(math.nan, math.nan, Gate.WARMING_UP)
@@ -107,7 +109,10 @@ class CruiseNode:
         sample = self._next_sample(now_s)
         if sample is not None:
             self._learn(sample)
-        state = self.engagement.step(self._situation(now_s))
+        paused = now_s - self.last_s > max(PAUSE_S, 3.0 * self.period_s)
+        self.last_s = now_s
+        situation = self._situation(now_s)
+        state = self.engagement.step(replace(situation, healthy=False) if paused else situation)
         setpoint_mps = self.engagement.setpoint_mps if state is State.ENGAGED else None
         self.command = self.controller.step(sample, setpoint_mps)
         self.ticks += 1

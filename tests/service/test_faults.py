@@ -11,7 +11,7 @@ from cruise.can.frame import Frame
 from cruise.control.engagement import ExitReason, State
 from cruise.sampling import StreamSampler
 from cruise.service.course import FieldRow, OperatorRow
-from tests.service.drive import CAN, ENGAGE_S, Tamper, Whole
+from tests.service.drive import CAN, ENGAGE_S, Tamper, Whole, codec
 
 FAULT_S, RETURN_S, END_S = 6.4, 7.2, 8.4  # s, the fault comes, goes again, the drive ends
 IN_TIME_S = 0.3 + 0.05  # s, three messages at 10 Hz, seen at the next tick
@@ -254,3 +254,37 @@ def test_a_new_press_engages_again_after_the_fault():
     assert drive.machine.lever_counts
     assert [state for _, state in drive.states][-1] is State.ENGAGED
     assert drive.listener.reasons[-1][1] == ExitReason.NONE
+
+
+def test_a_paused_process_lets_go_and_stays_let_go():
+    """The loop stands still for 0.4 s: the drive has gone to neutral, and neither end takes up where it was."""
+    whole = Whole().run(10.0)
+    assert whole.node.engagement.state is State.ENGAGED
+    ticking, whole.node.tick = whole.node.tick, lambda now_s: []
+    whole.run(10.4)
+    assert not whole.machine.driven_by_cruise
+    whole.node.tick = ticking
+    whole.run(10.6)
+    assert whole.node.engagement.state is State.FAULT
+    assert whole.node.engagement.exit_reason is ExitReason.FUNCTION_FAULT
+    whole.run(14.0)
+    assert not whole.machine.driven_by_cruise
+    assert whole.node.command.current_ma == 0.0
+
+
+def test_after_a_time_out_the_drive_wants_to_see_an_inactive_command_first():
+    def frame(now_s, active):
+        values = {"pump_current_command_ma": 700.0, "command_active": active}
+        return sender.encode("PumpCurrentCommand", values, now_s)
+
+    sender, whole = codec(), Whole()
+    machine = whole.machine
+    for k in range(1, 400):
+        now_s = 0.01 * k
+        silent = 1.0 < now_s < 1.5
+        if k % 5 == 0 and not silent:
+            machine.receive(frame(now_s, 0.0 if 2.5 < now_s < 2.7 else 1.0))
+        machine.tick(now_s)
+        if k in (90, 140, 200, 260, 390):
+            expected = {90: True, 140: False, 200: False, 260: False, 390: True}[k]
+            assert machine.driven_by_cruise is expected, now_s

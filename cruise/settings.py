@@ -34,6 +34,9 @@ _CORE_SCHEMA = (  # tag, pattern, first characters; in the order of precedence
 
 T = TypeVar("T", bound=msgspec.Struct)
 
+Positive = Annotated[float, msgspec.Meta(gt=0)]
+"""For settings that divide or scale: times, rates, standard deviations."""
+
 
 class SettingsError(ValueError):
     """A setting or a configuration file that the user has to correct; the message says where and how."""

@@ -10,6 +10,7 @@ import math
 from collections import deque
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Annotated
 
 import msgspec
 import numpy as np
@@ -20,15 +21,16 @@ from cruise.control.predictive import Plan, PredictiveSettings, solve
 from cruise.control.reference import Reference, ReferenceSettings
 from cruise.control.shaping import CommandShaper
 from cruise.model.model import DriveResponse, Model, ModelState
+from cruise.settings import Positive, SettingsError
 from cruise.signals import Sample
 
 
 class ControlSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Everything that decides how the machine is driven."""
 
-    frame_s: float = 0.05  # s, period of the command frames
-    shaping_hz: float = 1.2  # Hz, corner of each lag of the shaper
-    shaping_order: int = 2
+    frame_s: Positive = 0.05  # s, period of the command frames
+    shaping_hz: Positive = 1.2  # Hz, corner of each lag of the shaper
+    shaping_order: Annotated[int, msgspec.Meta(ge=1, le=6)] = 2
     reference: ReferenceSettings = ReferenceSettings()
     observer: ObserverSettings = ObserverSettings()
     predictive: PredictiveSettings = PredictiveSettings()
@@ -65,8 +67,8 @@ class Controller:
         self.model = model
         self.frames = round(model.period_s / settings.frame_s)
         if self.frames < 1 or abs(self.frames * settings.frame_s - model.period_s) > 1e-9:
-            raise ValueError(
-                f"frame_s = {settings.frame_s} s: the model's period of {model.period_s} s must be a multiple of it"
+            raise SettingsError(
+                f"control.frame_s: {settings.frame_s} s; the model's period, {model.period_s} s, must be its multiple"
             )
         self.horizon = max(round(settings.predictive.horizon_s / model.period_s), model.delay + model.nb)
         self.observer = DisturbanceObserver(model.na, model.period_s, settings.observer)

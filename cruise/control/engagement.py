@@ -11,6 +11,8 @@ from typing import Final
 
 import msgspec
 
+from cruise.settings import Positive
+
 
 class State(StrEnum):
     """Who owns the current."""
@@ -36,11 +38,11 @@ class ExitReason(IntEnum):
 class EngagementSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Within what the machine may be driven."""
 
-    speed_min_mps: float = 0.3  # m/s, slower is manoeuvring, a person's work
-    speed_max_mps: float = 8.5  # m/s, just over 30 km/h, the road limit of most machines
-    setpoint_step_mps: float = 0.1  # m/s, of the buttons accelerate and coast
-    lever_moved_pct: float = 5.0  # %, change of the lever that means the operator wants it
-    overspeed_mps: float = 0.6  # m/s above setpoint and reference: something else drives
+    speed_min_mps: Positive = 0.3  # m/s, slower is manoeuvring, a person's work
+    speed_max_mps: Positive = 8.5  # m/s, just over 30 km/h, the road limit of most machines
+    setpoint_step_mps: Positive = 0.1  # m/s, of the buttons accelerate and coast
+    lever_moved_pct: Positive = 5.0  # %, change of the lever that means the operator wants it
+    overspeed_mps: Positive = 0.6  # m/s above setpoint and reference: something else drives
 
 
 @dataclass(frozen=True, slots=True)

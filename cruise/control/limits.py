@@ -8,13 +8,19 @@ import math
 
 import msgspec
 
+from cruise.settings import Positive
+
 
 class LimitSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What the pump may be asked for."""
 
     current_min_ma: float = 0.0  # mA, the cruise control never reverses
-    current_max_ma: float = 1200.0  # mA, the solenoid's rating (12 V proportional control)
-    rate_max_ma_per_s: float = 600.0  # mA/s, full stroke in 2 s
+    current_max_ma: Positive = 1200.0  # mA, the solenoid's rating (12 V proportional control)
+    rate_max_ma_per_s: Positive = 600.0  # mA/s, full stroke in 2 s
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.current_min_ma < self.current_max_ma:
+            raise ValueError("current_min_ma has to be at least 0 and below current_max_ma")
 
 
 class Limits:

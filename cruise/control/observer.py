@@ -13,14 +13,15 @@ import numpy as np
 from filterpy.kalman import KalmanFilter
 
 from cruise.model.model import DriveResponse
+from cruise.settings import Positive
 
 
 class ObserverSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """How far the observer trusts sensor and model, as standard deviations per second."""
 
-    speed_noise_mps: float = 0.006  # m/s, of one mean over a model period
-    model_noise_mps: float = 0.010  # m/s after 1 s, random part of the model's error
-    disturbance_mps: float = 0.10  # m/s per sample after 1 s, how fast hills and soil may come
+    speed_noise_mps: Positive = 0.006  # m/s, of one mean over a model period
+    model_noise_mps: Positive = 0.010  # m/s after 1 s, random part of the model's error
+    disturbance_mps: Positive = 0.10  # m/s per sample after 1 s, how fast hills and soil may come
 
 
 class DisturbanceObserver:

@@ -11,10 +11,13 @@ acceleration is a soft bound (a disturbance may already have broken it). Solver:
 """
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import daqp
 import msgspec
 import numpy as np
+
+from cruise.settings import Positive
 
 _FREE, _SOFT = 0, 8  # DAQP's "sense" of a constraint
 
@@ -22,9 +25,10 @@ _FREE, _SOFT = 0, 8  # DAQP's "sense" of a constraint
 class PredictiveSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The horizon and what it weighs."""
 
-    horizon_s: float = 3.0  # s, Coen et al. 2005, section II.B
-    move_weight: float = 4.0  # rho, without unit; less lets the current overshoot into the hysteresis' other branch
-    accel_max_mps2: float = 1.0  # m/s2, predicted
+    horizon_s: Positive = 3.0  # s, Coen et al. 2005, section II.B
+    # rho, without unit; less lets the current overshoot into the hysteresis' other branch
+    move_weight: Annotated[float, msgspec.Meta(ge=0)] = 4.0
+    accel_max_mps2: Positive = 1.0  # m/s2, predicted
 
 
 @dataclass(frozen=True, slots=True)

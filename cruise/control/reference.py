@@ -10,12 +10,14 @@ import math
 
 import msgspec
 
+from cruise.settings import Positive
+
 
 class ReferenceSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """How briskly the machine may be asked to change its speed."""
 
-    accel_mps2: float = 0.5  # m/s2, half the limit of 1.0: the rest is kept for disturbances
-    jerk_mps3: float = 0.8  # m/s3, comfortable for a standing person (ISO 2631-1 speaks of 0.5 to 2)
+    accel_mps2: Positive = 0.5  # m/s2, half the limit of 1.0: the rest is kept for disturbances
+    jerk_mps3: Positive = 0.8  # m/s3, comfortable for a standing person (ISO 2631-1 speaks of 0.5 to 2)
 
 
 class Reference:

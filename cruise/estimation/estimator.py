@@ -18,17 +18,18 @@ from cruise.estimation.forgetting import Forgetting, ForgettingSettings
 from cruise.estimation.gate import Gate, GateKeeper, GateSettings
 from cruise.estimation.recursive import SquareRootRls
 from cruise.model.model import Model, ModelState
+from cruise.settings import Positive
 from cruise.signals import Sample
 
 
 class EstimatorSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """How quickly the model follows the machine, and how far it may go."""
 
-    cutoff_hz: float = 2.0  # Hz; at 1 Hz, where the model's validity ends, a minute teaches up to 9 % less
-    mean_s: float = 15.0  # s, running mean that is left out of learning while engaged
-    noise_factor: float = 2.0  # filtered residuals are coloured: about one sample in four is news
-    pole_max: float = 0.99  # magnitude of the slowest pole that is still believed
-    gain_range: float = 3.0  # the DC gain stays within factory / range .. factory * range
+    cutoff_hz: Positive = 2.0  # Hz; at 1 Hz, where the model's validity ends, a minute teaches up to 9 % less
+    mean_s: Positive = 15.0  # s, running mean that is left out of learning while engaged
+    noise_factor: Positive = 2.0  # filtered residuals are coloured: about one sample in four is news
+    pole_max: Positive = 0.99  # magnitude of the slowest pole that is still believed
+    gain_range: Positive = 3.0  # the DC gain stays within factory / range .. factory * range
     forgetting: ForgettingSettings = ForgettingSettings()
     gate: GateSettings = GateSettings()
 

@@ -9,18 +9,20 @@ Fortescue, Kershenbaum and Ydstie, Automatica 17 (1981), and Paleologu et al., I
 
 import msgspec
 
+from cruise.settings import Positive
+
 
 class ForgettingSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Memories are counted in samples that teach."""
 
-    longest_s: float = 120.0  # s, while nothing changes: soil and oil change over minutes
-    shortest_s: float = 4.0  # s, while the machine changes: a few of its own time constants
-    fast_s: float = 4.0  # s, time constant of the fast mean
-    fall_s: float = 15.0  # s, time constant of the slow mean downwards: less noise is believed at once
-    rise_s: float = 300.0  # s, and upwards: more error is a changed machine first, and noise only if it stays
-    suspicious: float = 2.0  # q_0, ratio of the means at which half the memory is left
-    steepness: float = 4.0  # p
-    outlier: float = 9.0  # e^2 relative to the slow mean, beyond which it counts as that: three sigma
+    longest_s: Positive = 120.0  # s, while nothing changes: soil and oil change over minutes
+    shortest_s: Positive = 4.0  # s, while the machine changes: a few of its own time constants
+    fast_s: Positive = 4.0  # s, time constant of the fast mean
+    fall_s: Positive = 15.0  # s, time constant of the slow mean downwards: less noise is believed at once
+    rise_s: Positive = 300.0  # s, and upwards: more error is a changed machine first, and noise only if it stays
+    suspicious: Positive = 2.0  # q_0, ratio of the means at which half the memory is left
+    steepness: Positive = 4.0  # p
+    outlier: Positive = 9.0  # e^2 relative to the slow mean, beyond which it counts as that: three sigma
 
 
 class Forgetting:

@@ -12,6 +12,7 @@ from enum import StrEnum
 
 import msgspec
 
+from cruise.settings import Positive
 from cruise.signals import Sample
 
 
@@ -33,13 +34,13 @@ class Gate(StrEnum):
 class GateSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """When a sample is worth learning from."""
 
-    warm_up_s: float = 3.0  # s, the learning filter's own response has passed by then
-    gear_settle_s: float = 3.0  # s, the drive line has come to rest after a change of gear
-    standing_mps: float = 0.05  # m/s, slower is standing: friction, not the drive, decides there
-    current_max_ma: float = 1150.0  # mA, beyond it the swash plate is at its stop
-    accel_max_mps2: float = 4.0  # m/s2, more is a sensor's jump: the tyres give about 0.4 g
-    excitation_min_mps: float = 0.08  # m/s, span of the changes that count, ten times the noise of a sample's speed
-    excitation_s: float = 6.0  # s, over which that span is taken: delay and three time constants of the drive
+    warm_up_s: Positive = 3.0  # s, the learning filter's own response has passed by then
+    gear_settle_s: Positive = 3.0  # s, the drive line has come to rest after a change of gear
+    standing_mps: Positive = 0.05  # m/s, slower is standing: friction, not the drive, decides there
+    current_max_ma: Positive = 1150.0  # mA, beyond it the swash plate is at its stop
+    accel_max_mps2: Positive = 4.0  # m/s2, more is a sensor's jump: the tyres give about 0.4 g
+    excitation_min_mps: Positive = 0.08  # m/s, span of the changes that count, ten times the noise of a sample's speed
+    excitation_s: Positive = 6.0  # s, over which that span is taken: delay and three time constants of the drive
 
 
 class GateKeeper:

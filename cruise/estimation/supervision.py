@@ -14,18 +14,19 @@ from collections.abc import Mapping
 import msgspec
 
 from cruise.model.model import Model, ModelState
+from cruise.settings import Positive
 from cruise.signals import Sample
 
 
 class SupervisionSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """How a learned model proves itself."""
 
-    horizon_s: float = 3.0  # s, Coen et al. 2005, section II.B
-    window_s: float = 30.0  # s, time constant of the running errors
-    disturbance_s: float = 2.0  # s, time constant of the running one step ahead error
-    adopt_every_s: float = 5.0  # s, at most so often
-    proof_s: float = 10.0  # s of judged predictions before the first adoption
-    worse_at_most: float = 1.05  # the learned model's error relative to that of the one that drives
+    horizon_s: Positive = 3.0  # s, Coen et al. 2005, section II.B
+    window_s: Positive = 30.0  # s, time constant of the running errors
+    disturbance_s: Positive = 2.0  # s, time constant of the running one step ahead error
+    adopt_every_s: Positive = 5.0  # s, at most so often
+    proof_s: Positive = 10.0  # s of judged predictions before the first adoption
+    worse_at_most: Positive = 1.05  # the learned model's error relative to that of the one that drives
 
 
 class AheadErrors:

@@ -14,6 +14,7 @@ from typing import Protocol
 
 from cruise.can.bus import Bus
 from cruise.can.frame import Frame
+from cruise.settings import SettingsError
 
 
 class Node(Protocol):
@@ -157,10 +158,10 @@ def serve(
 
 
 def _steps(period_s: float, step_s: float) -> int:
-    """How many steps a period has. ValueError where that is no whole number: the node would run at another rate."""
+    """How many steps a period has. SettingsError where that is no whole number: the node would run at another rate."""
     steps = round(period_s / step_s)
     if steps < 1 or abs(steps * step_s - period_s) > 1e-9:
-        raise ValueError(f"a period of {period_s} s is no multiple of the loop's step of {step_s} s")
+        raise SettingsError(f"a period of {period_s} s is no multiple of the loop's step of {step_s} s")
     return steps
 
 

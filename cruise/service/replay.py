@@ -24,6 +24,7 @@ from cruise.service.settings import CruiseSettings
 from cruise.signals import CONTEXT, INPUT, OUTPUT, Sample
 
 PAUSE_S: Final = 5.0  # s of silence between two files: longer than any signal stays fresh, so that nothing is joined
+BACK_S: Final = 1.0  # s, frames of several controllers may be that much out of order; more is a clock that was set
 LEAD_S: Final = 0.01  # s, first frame after the start of its file
 
 
@@ -65,7 +66,7 @@ def replay(
                 f"{path}: holds no frame of {FAST_MESSAGE} that could be taken; frame faults: {dict(node.faults)}; "
                 "check the addresses and PGNs in the settings"
             )
-        recording = _recording(samples, model.period_s, Path(path).name, notes)
+        recording = _recording(samples, model.period_s, Path(path).name, tuple(notes))
         absent = model.missing(recording.columns)
         if absent:
             raise RecordingError(
@@ -79,20 +80,29 @@ def replay(
     return Replayed(node, tuple(recordings))
 
 
-def frames_of(path: str | Path, columns: RecordingSettings, sender: Codec) -> tuple[Iterator[Frame], tuple[str, ...]]:
-    """The frames of a file, times from zero, and what was lost or mended: a table by its name, a log otherwise."""
+def frames_of(path: str | Path, columns: RecordingSettings, sender: Codec) -> tuple[Iterator[Frame], list[str]]:
+    """The frames of a file, times from zero: a table by its name, a log otherwise.
+
+    Beside them what was lost or mended, whole once the frames have been taken.
+    """
     if Path(path).suffix.lower() == ".csv":
         table = read_csv(path, columns)
-        return _frames_of_table(table, sender), table.notes
-    return _frames_of_log(path), ()
+        return _frames_of_table(table, sender), list(table.notes)
+    notes: list[str] = []
+    return _frames_of_log(path, notes), notes
 
 
-def _frames_of_log(path: str | Path) -> Iterator[Frame]:
-    origin_s = math.nan
+def _frames_of_log(path: str | Path, notes: list[str]) -> Iterator[Frame]:
+    origin_s, last_s = math.nan, 0.0
     for frame in read_log(path):
         if math.isnan(origin_s):
             origin_s = math.floor(frame.timestamp)  # whole seconds: where a tick fell, it falls again
+        step_s = frame.timestamp - origin_s - last_s
+        if step_s > PAUSE_S or step_s < -BACK_S:
+            notes.append(f"time steps by {step_s:.1f} s at t={last_s:.1f} s; taken as a pause of {PAUSE_S:g} s")
+            origin_s += step_s - PAUSE_S
         frame.timestamp -= origin_s
+        last_s = max(frame.timestamp, last_s)
         yield frame
 
 

@@ -76,6 +76,22 @@ def test_a_replayed_log_teaches_what_the_drive_taught(cruise, driven):
     assert replayed == pytest.approx(drove, rel=1e-3, abs=1e-7)
 
 
+@pytest.mark.parametrize("step_s", [3.0e8, -3600.0, 7200.0])
+def test_a_clock_that_was_set_in_the_middle_of_a_log_is_a_pause(cruise, driven, tmp_path, step_s):
+    lines = (driven[0][0] / "demo-4.log").read_text().splitlines()
+    moved = []
+    for k, line in enumerate(lines):
+        stamp, rest = line[1:].split(")", 1)
+        moved.append(f"({float(stamp) + 5000.0 + (step_s if k > len(lines) // 2 else 0.0):.6f}){rest}")
+    (tmp_path / "set.log").write_text("\n".join(moved) + "\n")
+    code, out, _ = cruise("replay", tmp_path / "set.log", "--json")
+    assert code == 0
+    report = json.loads(out)
+    assert "taken as a pause of 5 s" in report["notes"][0]
+    assert len(report["notes"]) == 1
+    assert 200 <= report["samples"] <= 240  # 40 s and the pause, at 5 Hz
+
+
 def test_what_was_learned_can_be_saved_and_started_from(cruise, driven, tmp_path):
     log, saved = driven[0][0] / "demo-4.log", tmp_path / "learned.yaml"
     assert cruise("replay", log, "--save", saved)[0] == 0
@@ -110,6 +126,9 @@ GOOD = "".join(f"{k / 10},{500 + 10 * k},{k / 100}\n" for k in range(60))
         (("run", "database.yaml"), "MachineState"),
         (("run", "model.yaml"), "effects.dead_zon: no such effect; did you mean dead_zone?"),
         (("demo", "--headless", "--drive", "bad_drive.yaml"), "bad_drive.yaml:3"),
+        (("run", "zero.yaml"), "zero.yaml:4: control.frame_s"),
+        (("run", "frame.yaml"), "must be its multiple"),
+        (("run", "limits.yaml"), "below current_max_ma"),
         (("record", "drive.txt", "--config", "virtual.yaml"), "let the name end in .log"),
         (("record", "text.log", "--config", "virtual.yaml"), "text.log: is there already and is not overwritten"),
     ],
@@ -124,6 +143,11 @@ def test_a_mistake_gets_one_clear_line(cruise, tmp_path, monkeypatch, words, say
     model, database = CONFIG / "factory_model.yaml", CONFIG / "cruise.dbc"
     settings = f"model: {model}\ndatabase: {database}\ncan: {{bus: virtual}}\n"
     (tmp_path / "virtual.yaml").write_text(settings)
+    (tmp_path / "zero.yaml").write_text(settings + "control: {frame_s: 0}\n")
+    (tmp_path / "frame.yaml").write_text(settings + "control: {frame_s: 0.03}\n")
+    (tmp_path / "limits.yaml").write_text(
+        settings + "control: {limits: {current_max_ma: 10.0, current_min_ma: 50.0}}\n"
+    )
     (tmp_path / "misspelt.yaml").write_text(f"database: {database}\nmodle: {model}\n")
     (tmp_path / "half.dbc").write_text(database.read_text().replace("MachineState", "MachineStatus"))
     (tmp_path / "database.yaml").write_text(settings.replace(str(database), "half.dbc"))

@@ -48,11 +48,10 @@ class NumpyRls:
 
     def adapt(self, target: float, row: np.ndarray) -> None:
         """One update."""
-        P = self.covariance  # noqa: N806
-        spread = P @ row
+        spread = self.covariance @ row
         gain = spread / (FORGETTING + row @ spread)
         self.theta += gain * (target - row @ self.theta)
-        self.covariance = (P - np.outer(gain, spread)) / FORGETTING
+        self.covariance = (self.covariance - np.outer(gain, spread)) / FORGETTING
 
 
 def kalman_rls(size: int, noise_std_mps: float) -> KalmanFilter:

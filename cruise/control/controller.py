@@ -68,7 +68,8 @@ class Controller:
         self.frames = round(model.period_s / settings.frame_s)
         if self.frames < 1 or abs(self.frames * settings.frame_s - model.period_s) > 1e-9:
             raise SettingsError(
-                f"control.frame_s: {settings.frame_s} s; the model's period, {model.period_s} s, must be its multiple"
+                f"control.frame_s: {settings.frame_s} s does not fit; "
+                f"the model's period of {model.period_s} s must be a multiple of it"
             )
         self.horizon = max(round(settings.predictive.horizon_s / model.period_s), model.delay + model.nb)
         self.observer = DisturbanceObserver(model.na, model.period_s, settings.observer)

@@ -127,7 +127,7 @@ GOOD = "".join(f"{k / 10},{500 + 10 * k},{k / 100}\n" for k in range(60))
         (("run", "model.yaml"), "effects.dead_zon: no such effect; did you mean dead_zone?"),
         (("demo", "--headless", "--drive", "bad_drive.yaml"), "bad_drive.yaml:3"),
         (("run", "zero.yaml"), "zero.yaml:4: control.frame_s"),
-        (("run", "frame.yaml"), "must be its multiple"),
+        (("run", "frame.yaml"), "must be a multiple of it"),
         (("run", "limits.yaml"), "below current_max_ma"),
         (("record", "drive.txt", "--config", "virtual.yaml"), "let the name end in .log"),
         (("record", "text.log", "--config", "virtual.yaml"), "text.log: is there already and is not overwritten"),

@@ -7,8 +7,10 @@ from cruise.effects.effect import Effect, Inverse, Parameter, Stage, over
 from cruise.effects.engine_speed import EngineSpeed
 from cruise.effects.gear_ratio import GearRatio
 from cruise.effects.quadratic_gain import QuadraticGain
+from cruise.effects.saturation import Saturation
 
 EFFECTS: Final[dict[str, type[Effect]]] = {
+    "saturation": Saturation,
     "dead_zone": DeadZone,
     "quadratic_gain": QuadraticGain,
     "engine_speed": EngineSpeed,

@@ -6,7 +6,7 @@ the period.
 
 import difflib
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import msgspec
 
@@ -25,12 +25,16 @@ class Provenance(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     recordings: tuple[str, ...] = ()
     samples: int = 0
     made_by: str = ""
+    made_on: str = ""  # date, ISO 8601
+    error_ahead_mps: float | None = None  # RMS on held-out blocks
+    horizon_s: float | None = None  # of that error
     note: str = ""
 
 
 class ModelFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The fields of a model file."""
 
+    family: Literal["arx", "armax", "oe"] = "arx"  # how the parameters were found; all three drive as ARX
     period_s: Positive
     na: Annotated[int, msgspec.Meta(ge=0, le=100)]  # beyond 100 samples of memory a typing error is likelier
     nb: Annotated[int, msgspec.Meta(ge=1, le=100)]
@@ -39,12 +43,22 @@ class ModelFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     parameters: dict[str, float]
     standard_errors: dict[str, NotNegative] = {}
     residual_std_mps: Positive = 0.02
+    noise_parameters: tuple[float, ...] = ()  # c_1 .. of an ARMAX model, which driving leaves aside
     provenance: Provenance = Provenance()
 
 
 def load(path: str | Path) -> Model:
-    """Read a model file. SettingsError names the file, the key, what is wrong and what to do."""
-    file = settings.load(path, ModelFile)
+    """Read the model of a file. SettingsError names the file, the key, what is wrong and what to do."""
+    return model_of(path, read(path))
+
+
+def read(path: str | Path) -> ModelFile:
+    """Read a model file as it stands there."""
+    return settings.load(path, ModelFile)
+
+
+def model_of(path: str | Path, file: ModelFile) -> Model:
+    """The model that the fields of a file describe; `path` is named in what is wrong with them."""
     effects = tuple(_effect(path, name, shape) for name, shape in file.effects.items())
     delay = round(file.delay_s / file.period_s)
     empty = Model(file.period_s, file.na, file.nb, delay, effects, (0.0,) * _count(file, effects))
@@ -63,7 +77,13 @@ def load(path: str | Path) -> Model:
     return Model(file.period_s, file.na, file.nb, delay, effects, theta, std, file.residual_std_mps)
 
 
-def save(path: str | Path, model: Model, provenance: Provenance) -> None:
+def save(
+    path: str | Path,
+    model: Model,
+    provenance: Provenance,
+    family: Literal["arx", "armax", "oe"] = "arx",
+    noise_parameters: tuple[float, ...] = (),
+) -> None:
     """Write a model file that `load` reads back as an equal model."""
     names = model.parameter_names
     shapes = {
@@ -83,6 +103,8 @@ def save(path: str | Path, model: Model, provenance: Provenance) -> None:
             parameters=dict(zip(names, model.theta, strict=True)),
             standard_errors=dict(zip(names, model.theta_std, strict=True)) if model.theta_std else {},
             residual_std_mps=model.residual_std_mps,
+            family=family,
+            noise_parameters=noise_parameters,
             provenance=provenance,
         ),
     )

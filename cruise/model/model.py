@@ -106,7 +106,7 @@ class Model:
     residual_std_mps: float = 0.02  # one step ahead
 
     def __post_init__(self) -> None:
-        if self.period_s <= 0 or self.na < 0 or self.nb < 1 or self.delay < 0:
+        if self.period_s <= 0 or min(self.na, self.nb, self.delay) < 0 or self.na + self.nb < 1:
             raise ValueError(f"no such structure: na={self.na}, nb={self.nb}, delay={self.delay}, {self.period_s} s")
         if len(self.theta) != len(self.parameter_names):
             raise ValueError(f"{len(self.theta)} parameters given, {len(self.parameter_names)} needed")
@@ -161,7 +161,7 @@ class Model:
         drive = current_ma
         for i, effect in self.command_effects:
             drive, _ = effect.step(drive, speed_mps, signals, states[i], self.period_s)
-        depth = self.delay + self.nb
+        depth = max(self.delay + self.nb, 1)
         return ModelState((speed_mps,) * max(self.na, 1), (drive,) * depth, 1.0, 1.0, (), states)
 
     def apply(self, state: ModelState, current_ma: Value, signals: Signals) -> ModelState:

@@ -12,6 +12,7 @@ from cruise.effects import EFFECTS, Stage, over
 from cruise.signals import SIGNALS
 
 SHAPES = {
+    "saturation": {"full_stroke_ma": 1100.0},
     "dead_zone": {"threshold_ma": 350.0},
     "quadratic_gain": {"curvature": 0.7},
     "engine_speed": {"exponent": 1.0},

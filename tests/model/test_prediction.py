@@ -1,0 +1,146 @@
+"""The two ways of predicting a recording give the same numbers, and free runs begin where they can."""
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+from cruise.effects import Effect, Stage
+from cruise.effects.dead_zone import DeadZone
+from cruise.effects.engine_speed import EngineSpeed
+from cruise.effects.gear_ratio import GearRatio
+from cruise.model import prediction
+from cruise.model.model import Model
+
+GEARS = GearRatio(1.4, 2.5, 4.4, 7.8)
+SHAPES = (DeadZone(380.0), EngineSpeed(1.0))
+
+
+@dataclass(frozen=True)
+class Drag(Effect):
+    """A load that reads the speed, for these tests only."""
+
+    name = "drag"
+    stage = Stage.LOAD
+    needs = ()
+    parameters: ClassVar = {}
+
+    def step(self, value, past_speed, signals, state, dt_s):
+        return past_speed * abs(past_speed), state
+
+
+def recording(count: int = 120, seed: int = 0):
+    rng = np.random.default_rng(seed)
+    current = np.repeat(rng.uniform(400, 1000, count // 8 + 1), 8)[:count]
+    speeds = 1.0 + 0.2 * rng.standard_normal(count)
+    signals = {"engine_speed_rpm": rng.uniform(1800, 2100, count), "gear": np.where(np.arange(count) < 70, 2.0, 3.0)}
+    return current, speeds, signals
+
+
+def model(na: int, nb: int, delay: int, *effects: Effect) -> Model:
+    loads = sum(effect.stage is Stage.LOAD for effect in effects)
+    theta = (*[0.5, 0.2, 0.1][:na], *[4e-4, 3e-4, 2e-4][:nb], *(-0.05,) * loads, 0.1)
+    return Model(0.2, na, nb, delay, effects, theta)
+
+
+MODELS = {
+    "linear": model(1, 3, 2),
+    "second order": model(2, 3, 2),
+    "no feedback": model(0, 3, 2),
+    "no drive": model(2, 0, 0),
+    "shapes": model(1, 2, 1, *SHAPES),
+    "gears": model(2, 2, 1, *SHAPES, GEARS),
+    "gears without feedback": model(0, 2, 1, GEARS),
+}
+
+
+@pytest.mark.parametrize("holes", [False, True])
+@pytest.mark.parametrize("horizon", [1, 2, 7, 15])
+@pytest.mark.parametrize("name", MODELS)
+def test_over_whole_arrays_is_the_same_as_step_by_step(name, horizon, holes):
+    chosen, (current, speeds, signals) = MODELS[name], recording()
+    if holes:
+        current[40], speeds[61:64], signals["gear"][90] = np.nan, np.nan, np.nan
+    noise = [0.01 * np.arange(len(current)), 0.02 * np.arange(len(current))]
+    state = prediction.states_over(chosen, current, speeds, signals)
+    assert not prediction.reads_speed(chosen, current, speeds, signals, state)
+    slow = prediction.ahead_stepwise(chosen, state, current, signals, horizon, noise)
+    fast = prediction.ahead(chosen, current, speeds, signals, horizon, noise)
+    np.testing.assert_allclose(fast, slow, rtol=1e-12)
+    assert np.isfinite(fast).mean() > 0.4
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_a_free_run_is_the_same_either_way_and_as_the_prediction_from_its_start(name):
+    chosen, (current, speeds, signals) = MODELS[name], recording()
+    state = prediction.states_over(chosen, current, speeds, signals)
+    fast = prediction.free_run(chosen, current, speeds, signals)
+    slow = prediction.run_stepwise(chosen, state, current, speeds, signals)[:, 0]
+    np.testing.assert_allclose(fast, slow, rtol=1e-12)
+    first = int(np.argmax(np.isfinite(fast)))
+    last = len(speeds) - 1
+    whole = prediction.ahead(chosen, current, speeds, signals, last - first + 1)
+    assert whole[last] == pytest.approx(fast[last], rel=1e-9)
+
+
+def test_an_effect_that_reads_the_speed_is_seen_and_stepped():
+    chosen, (current, speeds, signals) = model(1, 2, 1, Drag()), recording()
+    state = prediction.states_over(chosen, current, speeds, signals)
+    assert prediction.reads_speed(chosen, current, speeds, signals, state)
+    run = prediction.free_run(chosen, current, speeds, signals)
+    expected = speeds[1]
+    for k in range(2, len(speeds)):
+        expected = 0.5 * expected + 4e-4 * current[k - 1] + 3e-4 * current[k - 2] - 0.05 * expected**2 + 0.1
+        assert run[k] == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_free_run_begins_again_after_a_hole_with_measured_speeds():
+    chosen, (current, speeds, signals) = MODELS["second order"], recording()
+    current[50] = np.nan
+    run = prediction.free_run(chosen, current, speeds, signals)
+    assert np.isnan(run[:4]).all()  # delay and order of the drive
+    assert np.isnan(run[52:55]).all()
+    by_hand = prediction.free_run(chosen, current[51:], speeds[51:], {n: c[51:] for n, c in signals.items()})
+    np.testing.assert_allclose(run[55:], by_hand[4:], rtol=1e-12)
+    expected = 0.5 * speeds[3] + 0.2 * speeds[2] + 0.1
+    expected += 4e-4 * current[2] + 3e-4 * current[1] + 2e-4 * current[0]
+    assert run[4] == pytest.approx(expected)
+
+
+def test_a_hole_in_the_speed_does_not_stop_a_free_run():
+    chosen, (current, speeds, signals) = MODELS["linear"], recording()
+    whole = prediction.free_run(chosen, current, speeds, signals)
+    speeds[60:70] = np.nan
+    np.testing.assert_array_equal(prediction.free_run(chosen, current, speeds, signals), whole)
+
+
+def test_an_unstable_model_runs_away_without_a_warning():
+    chosen = replace(MODELS["linear"], theta=(30.0, *MODELS["linear"].theta[1:]))
+    current, speeds, signals = recording(400)
+    assert not np.isfinite(prediction.free_run(chosen, current, speeds, signals)[-1])
+
+
+def test_several_models_run_side_by_side():
+    chosen, (current, speeds, signals) = MODELS["gears"], recording()
+    other = chosen.with_theta(0.9 * np.array(chosen.theta))
+    both = replace(chosen, theta=tuple(np.column_stack([chosen.theta, other.theta])))
+    state = prediction.states_over(chosen, current, speeds, signals)
+    runs = prediction.run_stepwise(both, state, current, speeds, signals, 2)
+    for found, one in zip(runs.T, (chosen, other), strict=True):
+        np.testing.assert_allclose(found, prediction.free_run(one, current, speeds, signals), rtol=1e-12)
+
+
+@pytest.mark.parametrize("lag", [0, 1, 3, 200, -2])
+def test_lags(lag):
+    values = np.arange(100.0)
+    expected = np.array([k - lag if 0 <= k - lag < 100 else np.nan for k in range(100)])
+    np.testing.assert_array_equal(prediction.lagged(values, lag), expected)
+    if lag >= 0:
+        np.testing.assert_array_equal(prediction.lags(values, 0, 200)[lag], expected)
+
+
+def test_runs():
+    usable = np.array([1, 1, 0, 0, 1, 0, 1, 1], dtype=bool)
+    assert prediction.runs(usable) == [slice(0, 2), slice(4, 5), slice(6, 8)]
+    assert prediction.runs(np.zeros(4, dtype=bool)) == []

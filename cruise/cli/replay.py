@@ -12,10 +12,9 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from cruise import settings
 from cruise.cli.places import CONFIG
+from cruise.cli.reading import AsJson, Columns, InputName, OutputName, columns_of
 from cruise.model import files
-from cruise.recording import RecordingSettings
 from cruise.service import replay as service
 from cruise.service import settings as service_settings
 
@@ -25,15 +24,14 @@ def replay(
     test: Annotated[list[Path] | None, typer.Option(help="Recordings to judge on; they teach nothing.")] = None,
     config: Annotated[Path, typer.Option(help="Settings of the service.")] = CONFIG / "cruise.yaml",
     model_file: Annotated[Path | None, typer.Option("--model", help="Model file to start from.")] = None,
-    columns: Annotated[Path | None, typer.Option(help="How the columns of a table are read.")] = None,
-    input_name: Annotated[str | None, typer.Option("--input", help="Column of the current.")] = None,
-    output_name: Annotated[str | None, typer.Option("--output", help="Column of the speed.")] = None,
+    columns: Columns = None,
+    input_name: InputName = None,
+    output_name: OutputName = None,
     save: Annotated[Path | None, typer.Option(help="Model file to write what was learned to.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON and nothing else.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Put recordings on the bus as frames, let the service learn from them, and judge what it learned on others."""
-    read = settings.load(columns, RecordingSettings) if columns else RecordingSettings()
-    read = msgspec.structs.replace(read, input=input_name or read.input, output=output_name or read.output)
+    read = columns_of(columns, input_name, output_name)
     loaded = service_settings.load(config)
     if model_file is not None:
         loaded = msgspec.structs.replace(loaded, model=str(model_file))

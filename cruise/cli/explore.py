@@ -1,0 +1,74 @@
+"""`cruise explore`: what recordings say before any model is fitted."""
+
+import csv
+import json
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from rich.console import Console
+
+from cruise.cli import explore_picture
+from cruise.cli.places import OUT
+from cruise.cli.reading import AsJson, Columns, InputName, OutputName, Recordings, columns_of, tables
+from cruise.identification import explore as analyses
+from cruise.recording import ColumnSettings, RecordingSettings
+
+HEADINGS = {
+    "quality": "data quality",
+    "excitation": "excitation",
+    "frequency_response": "frequency response",
+    "cross_correlation": "cross-correlation",
+    "static_curve": "static curve",
+}
+
+
+def explore(
+    recordings: Recordings,
+    columns: Columns = None,
+    input_name: InputName = None,
+    output_name: OutputName = None,
+    period: Annotated[float | None, typer.Option(help="Sampling period in s; default: the tables' own.")] = None,
+    picture: Annotated[Path, typer.Option(help="Where the picture goes.")] = OUT / "explore.png",
+    as_json: AsJson = False,
+) -> None:
+    """Say what recordings hold: response, delay, static curve, excitation and the quality of the data."""
+    read = columns_of(columns, input_name, output_name)
+    found = analyses.explore(tables(recordings, read, period), [_raw_times(path, read) for path in recordings])
+    picture.parent.mkdir(parents=True, exist_ok=True)
+    drawn = explore_picture.draw(found, picture)
+    if as_json:
+        print(json.dumps({**found.report(), "picture": str(drawn)}, indent=2))
+    else:
+        _print(found, drawn)
+
+
+def _raw_times(path: Path, read: RecordingSettings) -> np.ndarray:
+    """The time stamps in s as the table holds them, which was found sound before."""
+    with path.open(encoding="utf-8-sig", newline="") as stream:
+        header = stream.readline()
+        mark = max(",;\t", key=header.count)  # as the tables are read
+        names = next(csv.reader([header], delimiter=mark, skipinitialspace=True))
+        at, scale = (
+            [name.strip() for name in names].index(read.time),
+            read.columns.get(read.time, ColumnSettings()).scale,
+        )
+        cells = [row[at] for row in csv.reader(stream, delimiter=mark) if len(row) > at]
+    times_s = np.genfromtxt(cells, delimiter="\n") if cells else np.zeros(0)
+    return scale * times_s[np.isfinite(times_s)]
+
+
+def _print(found: analyses.Exploration, drawn: Path) -> None:
+    console = Console(highlight=False)
+    console.print(
+        f"{len(found.recordings)} recordings, {found.samples} samples of {found.period_s:g} s, {found.duration_s:.4g} s"
+    )
+    notes = found.quality.notes if isinstance(found.quality, analyses.Quality) else ()
+    for note in notes:
+        console.print(f"note: {note}", markup=False)
+    for name, sentences in found.words().items():
+        console.print(f"\n[bold]{HEADINGS[name]}[/bold]")
+        for sentence in sentences:
+            console.print(f"  {sentence}", markup=False)
+    console.print(f"\npicture: {drawn}", markup=False)

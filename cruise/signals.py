@@ -76,6 +76,7 @@ _ALL = (
     Signal("cruise_resume", "0/1", 0.0, 1.0, "button: engage at the last setpoint"),
     Signal("cruise_accelerate", "0/1", 0.0, 1.0, "button: raise the setpoint"),
     Signal("cruise_coast", "0/1", 0.0, 1.0, "button: lower the setpoint"),
+    Signal("requested_experiment", "-", 0.0, 250.0, "commissioning experiment that the operator asks for, 0 is none"),
 )
 
 SIGNALS: Final[dict[str, Signal]] = {signal.name: signal for signal in _ALL}

@@ -14,7 +14,9 @@ from dataclasses import dataclass, field
 from typing import Final, Literal
 
 Role = Literal["cruise", "operator_panel", "engine", "transmission", "machine", "slope_sensor"]
-Own = Literal["drive_feedback", "machine_state", "pump_current_command"]
+Own = Literal[
+    "drive_feedback", "machine_state", "pump_current_command", "commissioning_request", "commissioning_status"
+]
 
 CRC: Final = "crc"  # signal of our own messages, byte 1
 COUNTER: Final = "alive_counter"  # signal of our own messages, low half of byte 2
@@ -110,6 +112,13 @@ CONTRACTS: Final = (
         "cruise",
         {"pump_current_command_ma": 16, "command_active": 2},
         own="pump_current_command",
+    ),
+    Contract("CommissioningRequest", "operator_panel", {"requested_experiment": 8}, own="commissioning_request"),
+    Contract(
+        "CommissioningStatus",
+        "cruise",
+        {"driven_experiment": 8, "experiment_progress": 8, "experiment_left_s": 16},
+        own="commissioning_status",
     ),
 )
 """Every message that a DBC file needs to have. Those with `own` are protected and hold CRC and COUNTER besides."""

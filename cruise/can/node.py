@@ -50,7 +50,7 @@ class NodeStatus:
     ground_speed_mps: float
     followed_setpoint_mps: float
     pump_current_ma: float
-    engagement_state: float  # 0 off, 1 standby, 2 engaged, 3 fault
+    engagement_state: float  # 0 off, 1 standby, 2 engaged, 3 fault, 4 commissioning
 
 
 class _Task(PeriodicMessageTask):

@@ -30,9 +30,12 @@ class ProprietaryPgns(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
     drive_feedback: ProprietaryPgn = 0xFF10
     machine_state: ProprietaryPgn = 0xFF11
     pump_current_command: ProprietaryPgn = 0xFF12
+    commissioning_request: ProprietaryPgn = 0xFF13
+    commissioning_status: ProprietaryPgn = 0xFF14
 
     def __post_init__(self) -> None:
-        if len({self.drive_feedback, self.machine_state, self.pump_current_command}) < 3:
+        pgns = msgspec.structs.astuple(self)
+        if len(set(pgns)) < len(pgns):
             raise ValueError("two messages with the same PGN; give each its own")
 
 
@@ -45,9 +48,12 @@ class DataIds(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     drive_feedback: DataId = 0x1C10
     machine_state: DataId = 0x2C11
     pump_current_command: DataId = 0x3C12
+    commissioning_request: DataId = 0x4C13
+    commissioning_status: DataId = 0x5C14
 
     def __post_init__(self) -> None:
-        if len({self.drive_feedback, self.machine_state, self.pump_current_command}) < 3:
+        data_ids = msgspec.structs.astuple(self)
+        if len(set(data_ids)) < len(data_ids):
             raise ValueError("two messages with the same data id could be taken for each other; give each its own")
 
 

@@ -18,7 +18,13 @@ from cruise.service.cruise_node import Status
 from cruise.service.demo import Result
 
 REFRESH_S = 0.2  # s of simulated time between two pictures
-STYLES = {"off": "dim", "standby": "yellow", "engaged": "bold green", "fault": "bold red"}
+STYLES = {
+    "off": "dim",
+    "standby": "yellow",
+    "engaged": "bold green",
+    "fault": "bold red",
+    "commissioning": "bold magenta",
+}
 
 
 class Live:

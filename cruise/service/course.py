@@ -36,6 +36,7 @@ class OperatorRow(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     clutch_pedal: float | None = None
     cruise_enable: float | None = None
     setpoint_mps: float | None = None
+    requested_experiment: int | None = None
     press: Literal["", "set", "resume", "accelerate", "coast"] = ""
     press_s: float = 0.5
 

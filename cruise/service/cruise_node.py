@@ -5,11 +5,14 @@ It has no clock and no bus: the loop hands it frames and the time, and sends wha
 
 import math
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from cruise import settings as strict
 from cruise.can.codec import Codec
 from cruise.can.frame import Frame
 from cruise.can.node import CanopenNode, NodeStatus
+from cruise.control.commissioning import Commissioning, CommissioningLimits, Experiment, Experiments, check
 from cruise.control.controller import Command, Controller
 from cruise.control.engagement import Engagement, ExitReason, Situation, State
 from cruise.estimation.estimator import Estimator, Learned
@@ -28,6 +31,7 @@ SPEED_PERIOD_S = 0.1  # s, of the machine selected speed (ISO 11783-7)
 _OPERATOR = ("cruise_enable", "cruise_set", "cruise_resume", "cruise_accelerate", "cruise_coast")
 _SAFETY = ("brake_pedal", "clutch_pedal", "lever_pct")
 _ASKED = ("setpoint_mps", "cruise_enable")  # what a CANopen panel may ask for instead
+_DRIVE = (INPUT, OUTPUT, "gear", *_SAFETY)  # what an experiment needs
 _SAMPLED = (INPUT, OUTPUT, *CONTEXT, "brake_pedal", "clutch_pedal")
 
 
@@ -38,6 +42,8 @@ class Status:
     time_s: float
     state: State
     setpoint_mps: float
+    experiment: str
+    experiment_left_s: float
     speed_mps: float
     current_ma: float
     command: Command
@@ -56,7 +62,12 @@ class CruiseNode:
     """One cruise control: `tick` every `period_s`, `receive` in between."""
 
     def __init__(
-        self, settings: CruiseSettings, model: Model, codec: Codec, canopen: CanopenNode | None = None
+        self,
+        settings: CruiseSettings,
+        model: Model,
+        codec: Codec,
+        canopen: CanopenNode | None = None,
+        experiments: Sequence[Experiment] = (),
     ) -> None:
         self.settings = settings
         self.period_s = settings.control.frame_s
@@ -66,7 +77,14 @@ class CruiseNode:
         self.estimator = Estimator(model, settings.estimator)
         self.supervisor = Supervisor(model, settings.supervision)
         self.controller = Controller(model, settings.control)
-        self.engagement = Engagement(settings.engagement)
+        commissioning = settings.commissioning
+        if commissioning is not None:
+            check(experiments, commissioning, self.period_s)
+        numbered = {experiment.number: experiment for experiment in experiments}
+        self.engagement = Engagement(settings.engagement, commissioning, numbered)
+        self.commissioning = Commissioning(
+            commissioning.limits if commissioning else CommissioningLimits(), self.period_s
+        )
         self.needed = (INPUT, OUTPUT, *model.needs, *_SAFETY)
         self.latest: dict[str, tuple[float, float]] = {}
         self.faults: Counter[str] = Counter()
@@ -83,7 +101,10 @@ class CruiseNode:
     def load(cls, settings: CruiseSettings) -> "CruiseNode":
         """The node with everything that its settings name. SettingsError where a file is wrong."""
         canopen = CanopenNode.load(settings.dictionary, settings.canopen) if settings.canopen else None
-        return cls(settings, files.load(settings.model), Codec.load(settings.database, settings.can), canopen)
+        commissioning = settings.commissioning
+        experiments = strict.load(commissioning.experiments, Experiments).experiments if commissioning else ()
+        codec = Codec.load(settings.database, settings.can)
+        return cls(settings, files.load(settings.model), codec, canopen, experiments)
 
     def receive(self, frame: Frame) -> None:
         """Take one frame in, whatever it is."""
@@ -115,8 +136,14 @@ class CruiseNode:
         state = self.engagement.step(replace(situation, healthy=False) if paused else situation)
         setpoint_mps = self.engagement.setpoint_mps if state is State.ENGAGED else None
         self.command = self.controller.step(sample, setpoint_mps)
+        if state is State.COMMISSIONING:
+            self.command = Command(self._excite(now_s), math.nan, math.nan, "")
+        else:
+            self.commissioning.end(now_s)
         self.ticks += 1
         frames = [self._command_frame(now_s)]
+        if self.settings.commissioning is not None:
+            frames.append(self._commissioning_frame(now_s))
         if self.ticks % self.speed_every == 0:
             frames.append(self._speed_frame(now_s))
         if self.canopen is not None:
@@ -128,7 +155,9 @@ class CruiseNode:
         self.engagement.step(replace(self._situation(now_s), enable=False))
         self.healthy = False
         self.command = self.controller.step(None, None)
-        return [self._command_frame(now_s), self._speed_frame(now_s)]
+        self.commissioning.end(now_s)
+        frames = [self._command_frame(now_s), self._speed_frame(now_s)]
+        return frames if self.settings.commissioning is None else [*frames, self._commissioning_frame(now_s)]
 
     def status(self, now_s: float) -> Status:
         """What to show."""
@@ -137,6 +166,8 @@ class CruiseNode:
             time_s=now_s,
             state=self.engagement.state,
             setpoint_mps=self.engagement.setpoint_mps,
+            experiment=self.engagement.experiment.name if self.engagement.experiment else "",
+            experiment_left_s=self.commissioning.left_s(now_s),
             speed_mps=self._value(OUTPUT, now_s),
             current_ma=self._value(INPUT, now_s),
             command=self.command,
@@ -167,8 +198,23 @@ class CruiseNode:
             overridden=means.get("brake_pedal", 0.0) > 0.5 or means.get("clutch_pedal", 0.0) > 0.5,
         )
 
+    def _excite(self, now_s: float) -> float:
+        """The current of the experiment, begun here where it has not yet begun."""
+        experiment = self.engagement.experiment
+        assert experiment is not None
+        if self.commissioning.excitation is None:
+            self.commissioning.begin(experiment, now_s)
+        return self.commissioning.step(now_s)
+
     def _learn(self, sample: Sample) -> None:
         self.sample = sample
+        if self.engagement.state is State.COMMISSIONING:
+            # An experiment teaches nobody here: it excites above 1 Hz, where the structure that is learned has no place
+            # for what it finds, and a model is made from it offline, where a person sees the residuals. To the
+            # estimator it is a hole in the samples, after which it warms up anew.
+            self.learned = Learned(math.nan, math.nan, Gate.OVERRIDDEN)
+            self.supervisor.errors.restart()
+            return
         self.learned = self.estimator.learn(sample)
         before = self.estimator.applied
         if self.learned.gate is Gate.STALE_SIGNAL or before is None or self.estimator.state is None:
@@ -196,6 +242,7 @@ class CruiseNode:
             coast=on("cruise_coast"),
             operator_present=all(math.isfinite(self._value(name, now_s)) for name in _OPERATOR),
             # Newest readings may be fresh where too little of the last period was measured to steer by.
+            drive_signals_valid=all(math.isfinite(self._value(name, now_s)) for name in _DRIVE),
             signals_valid=not self.missing and self.learned.gate is not Gate.STALE_SIGNAL,
             model_ready=self.controller.state is not None and self.learned.gate is not Gate.WARMING_UP,
             healthy=self.healthy,
@@ -206,10 +253,12 @@ class CruiseNode:
             speed_mps=self._value(OUTPUT, now_s),
             requested_mps=self._value("setpoint_mps", now_s),
             reference_mps=self.controller.past_references[0],
+            requested_experiment=0 if math.isnan(asked := self._value("requested_experiment", now_s)) else int(asked),
+            experiment_over=self.commissioning.over(now_s),
         )
 
     def _command_frame(self, now_s: float) -> Frame:
-        active = self.engagement.state is State.ENGAGED
+        active = self.engagement.state in (State.ENGAGED, State.COMMISSIONING)
         values = {
             "pump_current_command_ma": self.command.current_ma if active else 0.0,
             "command_active": float(active),
@@ -224,6 +273,15 @@ class CruiseNode:
             "limit_status": float(self.command.limit_status),
         }
         return self.codec.encode("MachineSelectedSpeed", values, now_s)
+
+    def _commissioning_frame(self, now_s: float) -> Frame:
+        experiment = self.engagement.experiment
+        values = {
+            "driven_experiment": float(experiment.number) if experiment else 0.0,
+            "experiment_progress": float(self.commissioning.progress),
+            "experiment_left_s": self.commissioning.left_s(now_s),
+        }
+        return self.codec.encode("CommissioningStatus", values, now_s)
 
     def _node_status(self, now_s: float) -> NodeStatus:
         return NodeStatus(

@@ -1,4 +1,4 @@
-"""The scripted operator's panel on the bus: switch, buttons, pedals and the speed asked for."""
+"""The scripted operator's panel on the bus: switch, buttons, pedals, the speed and the experiment asked for."""
 
 import math
 
@@ -30,7 +30,11 @@ class OperatorNode:
             for name in ("cruise_enable", "brake_pedal", "clutch_pedal")
         }
         setpoint_mps = value_at(self.rows, "setpoint_mps", math.nan, now_s)
-        return [
+        frames = [
             self.codec.encode("CCVS", buttons | switches, now_s),
             self.codec.encode("MachineSelectedSpeedCommand", {"setpoint_mps": setpoint_mps}, now_s),
         ]
+        asked = value_at(self.rows, "requested_experiment", math.nan, now_s)
+        if math.isfinite(asked):
+            frames.append(self.codec.encode("CommissioningRequest", {"requested_experiment": asked}, now_s))
+        return frames

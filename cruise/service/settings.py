@@ -8,6 +8,7 @@ import msgspec
 from cruise import settings as strict
 from cruise.can.node import CanopenSettings
 from cruise.can.settings import CanSettings
+from cruise.control.commissioning import CommissioningSettings
 from cruise.control.controller import ControlSettings
 from cruise.control.engagement import EngagementSettings
 from cruise.estimation.estimator import EstimatorSettings
@@ -29,6 +30,7 @@ class CruiseSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_f
     supervision: SupervisionSettings = SupervisionSettings()
     engagement: EngagementSettings = EngagementSettings()
     control: ControlSettings = ControlSettings()
+    commissioning: CommissioningSettings | None = None  # None: no experiments on this machine
 
 
 def load(path: str | Path) -> CruiseSettings:
@@ -36,4 +38,8 @@ def load(path: str | Path) -> CruiseSettings:
     file = Path(path)
     read = strict.load(file, CruiseSettings)
     named = {name: str(file.parent / getattr(read, name)) for name in ("model", "database", "dictionary")}
-    return msgspec.structs.replace(read, **named)
+    commissioning = read.commissioning
+    if commissioning is not None:
+        path = str(file.parent / commissioning.experiments)
+        commissioning = msgspec.structs.replace(commissioning, experiments=path)
+    return msgspec.structs.replace(read, **named, commissioning=commissioning)

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from cruise.control.commissioning import CommissioningLimits
 from cruise.control.limits import Limits, LimitSettings
 
 SETTINGS = LimitSettings(current_min_ma=0.0, current_max_ma=1200.0, rate_max_ma_per_s=600.0)
@@ -50,3 +51,17 @@ def test_a_value_within_reach_passes_unchanged():
     limits.take_over(700.0)
     assert limits.step(720.0, 0.05) == 720.0
     assert limits.step(600.0, 0.05) == 690.0
+
+
+@pytest.mark.parametrize("settings", [SETTINGS, CommissioningLimits()], ids=["engaged", "commissioning"])
+def test_either_set_of_limits_forbids_reversing_and_the_full_stroke_beyond(settings):
+    limits = Limits(settings)
+    assert min(limits.step(-500.0, 0.05) for _ in range(100)) == 0.0
+    assert max(limits.step(5000.0, 0.05) for _ in range(100)) == settings.current_max_ma == 1200.0
+
+
+def test_only_commissioning_passes_the_whole_range_in_a_frame():
+    engaged, commissioning = Limits(SETTINGS), Limits(CommissioningLimits())
+    assert engaged.step(1200.0, 0.05) == 30.0
+    assert commissioning.step(1200.0, 0.05) == 1200.0
+    assert commissioning.step(0.0, 0.05) == 0.0

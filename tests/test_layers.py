@@ -33,7 +33,7 @@ PLANT_MAY_IMPORT = {"signals", "plant"}  # independent physics, or a test on it 
 BUS_LIBRARIES = {"can", "cantools", "canopen", "e2e"}
 BUS_ROWS = {"can"}
 CLOCKS = {"time", "datetime", "asyncio", "threading", "sched"}
-CLOCK_ROWS = {"can", "service"}
+CLOCK_ROWS = {"can", "service", "cli"}  # cli for the date in a model file
 FILE_ROWS = {"settings", "recording", "can", "service", "workbench", "cli"}
 FILE_CALLS = {"open", "read_text", "read_bytes", "write_text", "write_bytes", "loadtxt", "genfromtxt", "savetxt"}
 

@@ -5,7 +5,7 @@ from importlib import import_module
 
 import typer
 
-VERBS = ("demo", "run", "plant", "record", "replay")
+VERBS = ("demo", "run", "plant", "record", "replay", "experiment", "explore", "identify", "orders")
 """Every verb is the function of its name in the module of its name, imported when it is called for: start-up counts."""
 
 
@@ -14,7 +14,7 @@ def main() -> None:
     # Imported here: these pull in the settings, and with --help nobody waits for more than that.
     from cruise.can.bus import BusLostError
     from cruise.can.log import LogError
-    from cruise.identification.least_squares import FitError
+    from cruise.identification.regressors import FitError
     from cruise.recording import RecordingError
     from cruise.settings import SettingsError
 

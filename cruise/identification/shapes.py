@@ -3,31 +3,40 @@
     minimise over the shapes  RMS_h( fit(shapes) ),   fit: batch least squares of a, b, c, c_0 for these shapes
 
 Separable least squares (Golub and Pereyra, SIAM J. Numerical Analysis 10 (1973)) with the multi-step error outside:
-one step ahead, a wrong shape hides behind the last measured speed. Solver: Nelder and Mead within the effects'
-bounds.
+one step ahead, a wrong shape hides behind the last measured speed. A shape that stands at its neutral value is looked
+for on a grid over its bounds first, one after the other; then all are refined together by Nelder and Mead.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
 from scipy import optimize
 
-from cruise.identification.least_squares import FitError, fit
+from cruise.identification.families import ahead
+from cruise.identification.least_squares import fit
+from cruise.identification.regressors import FitError, Smooth
 from cruise.model.model import Model
-from cruise.model.prediction import ahead
 from cruise.recording import Recording
 
+Shape = tuple[str, str]
+"""Names of an effect and of its parameter."""
 
-def ahead_rms_mps(model: Model, recordings: Sequence[Recording], horizon_s: float) -> float:
-    """RMS in m/s of the prediction error `horizon_s` ahead, from every sample of every recording."""
+HORIZON_S: Final = 3.0  # s, the paper's (section II.B)
+GRID: Final = 17  # points over the bounds of a parameter: closer than half the width of the valleys met so far
+
+
+def ahead_rms_mps(
+    model: Model, recordings: Sequence[Recording], horizon_s: float, smooth: Smooth | None = None
+) -> float:
+    """RMS in m/s of the prediction error `horizon_s` ahead, from every sample of every recording.
+
+    `smooth` filters what drives the model, not the measured speeds.
+    """
     horizon = max(round(horizon_s / model.period_s), 1)
-    errors = []
-    for recording in recordings:
-        signals = {name: recording.columns[name] for name in model.needs}
-        predicted = ahead(model, recording.input, recording.output, signals, horizon)
-        errors.append(predicted - recording.output)
+    errors = [ahead(model, recording, horizon, smooth) - recording.output for recording in recordings]
     joined = np.concatenate(errors)
     joined = joined[np.isfinite(joined)]
     if not len(joined):
@@ -35,37 +44,74 @@ def ahead_rms_mps(model: Model, recordings: Sequence[Recording], horizon_s: floa
     return float(np.sqrt(np.mean(joined**2)))
 
 
-def fit_shapes(
-    model: Model, recordings: Sequence[Recording], shapes: Sequence[tuple[str, str]], horizon_s: float = 3.0
-) -> Model:
-    """Fit the named shape parameters, pairs of effect and parameter, together with the linear ones."""
-    effects = {effect.name: effect for effect in model.effects}
-    bounds = [
-        (effects[name].parameters[parameter].low, effects[name].parameters[parameter].high)
-        for name, parameter in shapes
+def excited_shapes(model: Model, recordings: Sequence[Recording]) -> list[Shape]:
+    """The shape parameters that these recordings can say something about: those of effects whose signals move."""
+    return [
+        (effect.name, parameter)
+        for effect in model.effects
+        if all(_moves(name, recordings) for name in effect.needs)
+        for parameter in effect.parameters
     ]
-    size = np.array([high - low for low, high in bounds])
+
+
+def _moves(name: str, recordings: Sequence[Recording]) -> bool:
+    known = [column[np.isfinite(column)] for one in recordings if (column := one.columns.get(name)) is not None]
+    return bool(known) and float(np.ptp(np.concatenate(known))) > 0.0
+
+
+def fit_shapes(
+    model: Model,
+    recordings: Sequence[Recording],
+    shapes: Sequence[Shape],
+    horizon_s: float = HORIZON_S,
+    smooth: Smooth | None = None,
+    show: Callable[[str], None] | None = None,
+) -> Model:
+    """Fit the named shape parameters together with the linear ones; `show` is told what is being looked for."""
+    effects = {effect.name: effect for effect in model.effects}
+    bounds = [effects[name].parameters[parameter] for name, parameter in shapes]
+    size = np.array([bound.high - bound.low for bound in bounds])
     start = np.array([getattr(effects[name], parameter) for name, parameter in shapes]) / size
 
     def shaped(values: np.ndarray) -> Model:
         new = dict(effects)
         for (name, parameter), value in zip(shapes, values * size, strict=True):
             new[name] = new[name].reshaped(**{parameter: float(value)})
-        return fit(replace(model, effects=tuple(new.values())), recordings)
+        return fit(replace(model, effects=tuple(new.values())), recordings, smooth)
 
     def error_mps(values: np.ndarray) -> float:
         try:
-            candidate = shaped(values)
+            error = ahead_rms_mps(shaped(values), recordings, horizon_s, smooth)
         except FitError:  # a dead zone wider than every current, say: the search goes elsewhere
             return math.inf
-        return ahead_rms_mps(candidate, recordings, horizon_s)
+        return error if math.isfinite(error) else math.inf
 
     shaped(start)  # recordings that can't determine the model at all are refused here, with the reason
+    for i, ((name, parameter), bound) in enumerate(zip(shapes, bounds, strict=True)):
+        if getattr(effects[name], parameter) != bound.neutral:
+            continue
+        if show is not None:
+            show(f"looking for {parameter} of {name}")
+        trials = [start.copy() for _ in range(GRID + 1)]
+        for trial, value in zip(trials[1:], np.linspace(bound.low, bound.high, GRID), strict=True):
+            trial[i] = value / size[i]
+        start = min(trials, key=error_mps)
+    if show is not None:
+        show("refining " + ", ".join(f"{parameter} of {name}" for name, parameter in shapes))
     found = optimize.minimize(
         error_mps,
         start,
         method="Nelder-Mead",
-        bounds=[(low / span, high / span) for (low, high), span in zip(bounds, size, strict=True)],
-        options={"xatol": 1e-4, "fatol": 1e-6, "maxiter": 400},
+        bounds=[(bound.low / span, bound.high / span) for bound, span in zip(bounds, size, strict=True)],
+        options={"xatol": 1e-4, "fatol": 1e-6, "maxiter": 400, "initial_simplex": _simplex(start, bounds, size)},
     )
     return shaped(found.x)
+
+
+def _simplex(start: np.ndarray, bounds: Sequence, size: np.ndarray) -> np.ndarray:
+    """The first simplex: half a grid step along each parameter, inwards."""
+    corners = np.tile(start, (len(start) + 1, 1))
+    for i, (bound, span) in enumerate(zip(bounds, size, strict=True)):
+        half = 0.5 / (GRID - 1)
+        corners[i + 1, i] += half if start[i] + half <= bound.high / span else -half
+    return corners

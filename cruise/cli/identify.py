@@ -1,0 +1,196 @@
+"""`cruise identify`: a model from recordings, with what it is worth."""
+
+import json
+import math
+from dataclasses import asdict
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from cruise.cli import identify_picture
+from cruise.cli.places import OUT
+from cruise.cli.reading import AsJson, Columns, InputName, OutputName, Recordings, columns_of, model_named, tables
+from cruise.identification.accuracy import Accuracy
+from cruise.identification.armax import Armax
+from cruise.identification.identify import Identification
+from cruise.identification.identify import identify as fit
+from cruise.identification.preparation import PreparationSettings
+from cruise.identification.regressors import FitError
+from cruise.model import files
+from cruise.model.files import Provenance
+
+
+def identify(
+    recordings: Recordings,
+    model: Annotated[str, typer.Option(help="Name (arx1 .. narx2), structure written out, or model file.")] = "arx10B",
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="Model file to write.")] = None,
+    columns: Columns = None,
+    input_name: InputName = None,
+    output_name: OutputName = None,
+    period: Annotated[float, typer.Option(help="Sampling period of the model in s.")] = 0.2,
+    cutoff: Annotated[float, typer.Option(help="Filter of the training data in Hz; 0: none.")] = 1.0,
+    horizon: Annotated[float, typer.Option(help="How far ahead predictions are judged, in s.")] = 3.0,
+    picture: Annotated[Path, typer.Option(help="Where the picture goes.")] = OUT / "identify.png",
+    as_json: AsJson = False,
+) -> None:
+    """Fit a model to recordings and judge it 3 s ahead on blocks of them that the fit had not seen."""
+    console = Console(highlight=False, stderr=True)
+    structure, start = model_named(model)
+    if out is not None and structure.family == "narx":
+        raise FitError(f"{model}: polynomials can't drive, so that there is no model file for them; leave out -o")
+    if out is not None and structure.nb == 0:
+        raise FitError(f"{model}: a model without the current can't drive; leave out -o, or give nb=1 or more")
+    read = tables(recordings, columns_of(columns, input_name, output_name))
+    preparation = PreparationSettings(period_s=period, cutoff_hz=cutoff)
+    with console.status("reading") as status:
+        found = fit(structure, read, preparation, start, horizon, status.update)
+    drawn = identify_picture.draw(found, picture)
+    if out is not None:
+        _save(out, found, preparation)
+    if as_json:
+        print(json.dumps({**report(found), "picture": str(drawn), "model_file": str(out) if out else None}, indent=2))
+    else:
+        _print(found, preparation, drawn, out)
+
+
+def report(found: Identification) -> dict[str, Any]:
+    """All figures under stable names; what is no number is null, so that it is JSON."""
+    fitted = found.fitted
+    return {
+        "model": found.structure.name or str(found.structure),
+        "structure": str(found.structure),
+        "period_s": fitted.period_s,
+        "recordings": [one.source for one in found.recordings],
+        "samples": sum(len(one) for one in found.recordings),
+        "notes": [f"{one.source}: {note}" for one in found.recordings for note in one.notes],
+        "parameters": {
+            name: {"value": value, "standard_error": _number(error)}
+            for name, value, error in zip(fitted.parameter_names, fitted.theta, fitted.theta_std, strict=True)
+        },
+        "effects": _shapes(found),
+        "time_constants_s": [_number(value) for value in time_constants_s(found)],
+        "unstable": fitted.unstable,
+        "converged": fitted.converged,
+        "message": fitted.message,
+        "horizon_s": found.horizon_s,
+        "input_filtered_for_validation": found.filtered,
+        "held_out": _figures(found.held_out, fitted.unstable),
+        "training": _figures(found.training, fitted.unstable),
+        "free_run": _figures(found.free_run, fitted.unstable),
+        "persistence": _figures(found.persistence, ""),
+        "residuals": {
+            "largest_autocorrelation": _number(found.whiteness.largest),
+            "outside_95_pct": _number(found.whiteness.outside_pct),
+            "ljung_box_p": _number(found.whiteness.p_value),
+        },
+    }
+
+
+def time_constants_s(found: Identification) -> list[float]:
+    """Time constants in s of the poles that decay without a sign change, the slowest first."""
+    poles = [pole for pole in found.fitted.poles if abs(pole.imag) < 1e-9 and 0.0 < pole.real < 1.0]
+    return sorted((-found.fitted.period_s / math.log(pole.real) for pole in poles), reverse=True)
+
+
+def _shapes(found: Identification) -> dict[str, dict[str, float]]:
+    model = found.model
+    effects = model.effects if model is not None else ()
+    return {effect.name: {name: float(getattr(effect, name)) for name in effect.parameters} for effect in effects}
+
+
+def _figures(judged: Accuracy | None, unstable: str) -> dict[str, Any] | None:
+    """Figures of a prediction; none where the predictor is unstable, whatever the numbers happen to be."""
+    return None if judged is None or unstable else {name: _number(value) for name, value in asdict(judged).items()}
+
+
+def _number(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def _save(path: Path, found: Identification, preparation: PreparationSettings) -> None:
+    model, judged = found.model, found.held_out or found.training
+    assert model is not None
+    filtered = f"filtered at {preparation.cutoff_hz:g} Hz" if preparation.cutoff_hz else "not filtered"
+    provenance = Provenance(
+        recordings=tuple(f"{one.source}, {one.time_s[0]:g} to {one.time_s[-1]:g} s" for one in found.recordings),
+        samples=sum(len(one) for one in found.recordings),
+        made_by=f"cruise identify --model {found.structure.name or found.structure}",
+        made_on=datetime.now(UTC).date().isoformat(),
+        error_ahead_mps=_number(judged.rmse_mps),
+        horizon_s=found.horizon_s,
+        note=f"training data {filtered}; {found.fitted.message}",
+    )
+    noise = found.fitted.noise if isinstance(found.fitted, Armax) else ()
+    path.parent.mkdir(parents=True, exist_ok=True)
+    files.save(path, model, provenance, found.structure.family.value, noise)  # pyright: ignore[reportArgumentType]
+
+
+def _print(found: Identification, preparation: PreparationSettings, drawn: Path, out: Path | None) -> None:
+    console, fitted = Console(highlight=False), found.fitted
+    samples = sum(len(one) for one in found.recordings)
+    console.print(f"[bold]{found.structure.name}[/bold] {found.structure}", markup=True)
+    console.print(f"{len(found.recordings)} recordings, {samples} samples of {fitted.period_s:g} s", end="")
+    console.print(f", filtered at {preparation.cutoff_hz:g} Hz" if preparation.cutoff_hz else ", not filtered")
+    for one in found.recordings:
+        for note in one.notes:
+            console.print(f"note: {one.source}: {note}", markup=False)
+    table = Table(box=box.SIMPLE_HEAD)
+    for heading in ("parameter", "value", "standard error"):
+        table.add_column(heading, justify="left" if heading == "parameter" else "right")
+    for name, value, error in zip(fitted.parameter_names, fitted.theta, fitted.theta_std, strict=True):
+        table.add_row(name, f"{value:.5g}", f"{error:.2g}")
+    for effect, shape in _shapes(found).items():
+        for name, value in shape.items():
+            table.add_row(f"{effect}.{name}", f"{value:.5g}", "")
+    console.print(table)
+    slow = ", ".join(f"{value:.2f} s" for value in time_constants_s(found))
+    console.print(f"time constants: {slow}" if slow else "no pole: what happened longer ago than the taps is forgotten")
+    console.print(fitted.message if fitted.converged else f"[bold]did not converge:[/bold] {fitted.message}")
+    if fitted.unstable:
+        console.print(f"[bold]unstable predictor[/bold]: {fitted.unstable}; no figure of it means anything")
+    console.print(_accuracy_table(found))
+    white = found.whiteness
+    console.print(
+        f"residuals one step ahead: {white.outside_pct:.0f} % of the autocorrelations outside the 95 % bound (5 % by "
+        f"chance), largest {white.largest:.2f}"
+    )
+    console.print(f"picture: {drawn}", markup=False)
+    if out is not None:
+        console.print(f"model: {out}; next: cruise run with it, or cruise compare", markup=False)
+
+
+def _accuracy_table(found: Identification) -> Table:
+    input_told = "input filtered alike" if found.filtered else "input as it was"
+    table = Table(
+        box=box.SIMPLE_HEAD,
+        title=f"{found.horizon_s:g} s ahead of the unfiltered speed, {input_told}",
+        title_justify="left",
+    )
+    for heading in ("", "explained %", "NRMSE %", "RMSE m/s", "mean error m/s", "samples"):
+        table.add_column(heading, justify="left" if not heading else "right")
+    rows = {
+        "held-out blocks": found.held_out,
+        "training data": found.training,
+        "free run, training": found.free_run,
+        "persistence": found.persistence,
+    }
+    for name, judged in rows.items():
+        if judged is None:
+            table.add_row(name, *["too short"] * 5)
+        elif found.fitted.unstable and name != "persistence":
+            table.add_row(name, *["-"] * 5)
+        else:
+            table.add_row(
+                name,
+                f"{judged.explained_pct:.1f}",
+                f"{judged.nrmse_pct:.1f}",
+                f"{judged.rmse_mps:.4f}",
+                f"{judged.mean_error_mps:+.4f}",
+                str(judged.samples),
+            )
+    return table

@@ -1,0 +1,58 @@
+"""What happens to training data before a fit: the zero-phase low-pass filter of the paper, and the sampling period.
+
+    |H(f)|^2 = 1 / (1 + (f / f_c)^(2 n))   run forward and backward, so |H|^2 in amplitude and no phase
+
+f_c = 1 Hz, n = 10, in second-order sections. It acts on the finished regressor columns and on the target alike (it does
+not commute with the effects). Source: section IV.B of Coen et al. 2005; A. V. Oppenheim, R. W. Schafer, Discrete-Time
+Signal Processing, 3rd ed., section 7.3.
+"""
+
+from collections.abc import Sequence
+from typing import Annotated
+
+import msgspec
+import numpy as np
+from scipy import signal
+
+from cruise.identification.regressors import FitError, Smooth
+from cruise.recording import Recording, resample
+from cruise.settings import Positive
+
+RINGING_S = 3.0  # s times Hz: periods of the cut-off over which a 10th-order filter, run twice, rings to below 1 %
+
+
+class PreparationSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """How recordings become training data."""
+
+    period_s: Positive = 0.2  # s, lowest rate of production machines (section II.B of the paper)
+    cutoff_hz: Annotated[float, msgspec.Meta(ge=0)] = 1.0  # Hz, what the controller may use; 0: no filter
+    order: Annotated[int, msgspec.Meta(ge=1, le=20)] = 10  # of the filter that is run twice
+
+
+def smoother(settings: PreparationSettings, period_s: float) -> Smooth | None:
+    """The filter for data of this period; None where there is none, or nothing above the cut-off to take away."""
+    if settings.cutoff_hz == 0.0 or settings.cutoff_hz >= 0.5 / period_s:
+        return None
+    sections = np.asarray(signal.butter(settings.order, settings.cutoff_hz, fs=1.0 / period_s, output="sos"))
+    shortest = max(int(RINGING_S / settings.cutoff_hz / period_s), 3 * (2 * len(sections) + 1) + 1)
+
+    def smooth(values: np.ndarray) -> np.ndarray:
+        if len(values) <= shortest:
+            return np.full(np.shape(values), np.nan)
+        return signal.sosfiltfilt(sections, values, axis=0)
+
+    return smooth
+
+
+def at_period(recordings: Sequence[Recording], period_s: float) -> list[Recording]:
+    """All recordings on the grid of one period. FitError where one is sampled too slowly for it."""
+    prepared = []
+    for recording in recordings:
+        if recording.dt_s > 1.001 * period_s:
+            raise FitError(
+                f"{recording.source} is sampled every {recording.dt_s:g} s, too slowly for a model of {period_s:g} s: "
+                f"give --period {recording.dt_s:g} or more, or record faster"
+            )
+        same = abs(recording.dt_s - period_s) <= 1e-3 * period_s
+        prepared.append(recording if same else resample(recording, period_s))
+    return prepared

@@ -1,0 +1,172 @@
+"""What is to be identified: the models of the paper by name, or a structure written out.
+
+    arx:na=1,nb=3,delay_s=0.5+dead_zone+quadratic_gain
+
+Before the colon stands the family, then its orders, then the effects in the order in which the current meets them.
+Families: arx, armax (nc), oe (nf in place of na), narx (degree). Source: Tables I to IV of Coen et al. 2005.
+"""
+
+import difflib
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Final
+
+from cruise.effects import EFFECTS, Effect
+from cruise.identification.regressors import FitError
+from cruise.model.model import Model
+
+LONGEST_DELAY_S: Final = 60.0  # s, as in model files: beyond it a typing error is likelier
+HIGHEST_ORDER: Final = 100
+HIGHEST_DEGREE: Final = 6  # of Hermite polynomials: beyond it nothing but noise is fitted
+
+
+class Family(StrEnum):
+    """Which error a model minimises, and how it predicts."""
+
+    ARX = "arx"  # A y = B u + e
+    ARMAX = "armax"  # A y = B u + C e
+    OUTPUT_ERROR = "oe"  # y = B / F u + e
+    NARX = "narx"  # A y = sum_n B_n H_n(u) + e
+
+
+@dataclass(frozen=True, slots=True)
+class Structure:
+    """The structure of a model without its parameters; `na` is the order of F for an output error model."""
+
+    family: Family
+    na: int
+    nb: int
+    delay_s: float
+    nc: int = 0
+    degree: int = 0
+    effects: tuple[str, ...] = ()
+    name: str = ""
+
+    def __str__(self) -> str:
+        orders = {"nf" if self.family is Family.OUTPUT_ERROR else "na": self.na, "nb": self.nb}
+        if self.family is Family.ARMAX:
+            orders["nc"] = self.nc
+        if self.family is Family.NARX:
+            orders["degree"] = self.degree
+        listed = ",".join(f"{key}={value}" for key, value in orders.items())
+        return "+".join((f"{self.family}:{listed},delay_s={self.delay_s:g}", *self.effects))
+
+    def model(self, period_s: float) -> Model:
+        """The core with neutral effects and all parameters zero; the delay in whole samples, half of one up."""
+        effects: tuple[Effect, ...] = tuple(
+            EFFECTS[name](**{key: bound.neutral for key, bound in EFFECTS[name].parameters.items()})
+            for name in self.effects
+        )
+        delay = int(self.delay_s / period_s + 0.5 + 1e-9)
+        loads = sum(effect.stage == "load" for effect in effects)
+        return Model(period_s, self.na, self.nb, delay, effects, (0.0,) * (self.na + self.nb + loads + 1))
+
+
+_PREPROCESSED: Final = ("saturation", "dead_zone", "quadratic_gain")  # section IV.C: what the ramp of Fig. 4 shows
+
+
+def _presets() -> dict[str, Structure]:
+    arx = {
+        "arx1": (10, 10, 0.0),
+        "arx2": (0, 10, 0.0),
+        "arx3": (10, 0, 0.0),
+        "arx4": (0, 10, 0.5),
+        "arx5": (0, 5, 0.5),
+        "arx6": (0, 4, 0.5),
+        "arx7": (0, 3, 0.5),
+        "arx8": (0, 2, 0.5),
+        "arx9": (0, 3, 0.0),
+        "arx10": (1, 3, 0.5),
+    }
+    oe = {  # nf, nb
+        "oe1": (5, 5, 0.0),
+        "oe2": (5, 1, 0.0),
+        "oe3": (0, 5, 0.0),
+        "oe4": (0, 5, 0.5),
+        "oe5": (0, 4, 0.5),
+        "oe6": (0, 3, 0.5),
+        "oe7": (0, 2, 0.5),
+        "oe8": (0, 3, 0.0),
+    }
+    return {
+        **{name: Structure(Family.ARX, *orders, name=name) for name, orders in arx.items()},
+        "arx7B": Structure(Family.ARX, 0, 3, 0.5, effects=_PREPROCESSED, name="arx7B"),
+        "arx10B": Structure(Family.ARX, 1, 3, 0.5, effects=_PREPROCESSED, name="arx10B"),
+        **{name: Structure(Family.OUTPUT_ERROR, *orders, name=name) for name, orders in oe.items()},
+        "armax": Structure(Family.ARMAX, 0, 3, 0.5, nc=1, name="armax"),
+        "narx1": Structure(Family.NARX, 2, 3, 0.0, degree=2, name="narx1"),
+        "narx2": Structure(Family.NARX, 2, 3, 0.0, degree=3, name="narx2"),
+    }
+
+
+PRESETS: Final = _presets()
+"""The models of Tables I to IV by the paper's names."""
+
+
+def parse(text: str) -> Structure:
+    """The structure that `text` names or writes out. Raises FitError with what is wrong and what is known."""
+    if text in PRESETS:
+        return PRESETS[text]
+    core, *effects = text.strip().split("+")
+    family, colon, listed = core.partition(":")
+    if not colon and family in PRESETS:  # a preset with further effects: arx10B+grade
+        preset = PRESETS[family]
+        return _with_effects(text, preset, (*preset.effects, *effects))
+    if family not in list(Family):
+        near = difflib.get_close_matches(family, [*PRESETS, *Family], n=1)
+        hint = f"did you mean {near[0]}? " if near else ""
+        raise FitError(
+            f"model {text!r}: no such name; {hint}known: {', '.join(PRESETS)}, a model file, or a structure such as "
+            "arx:na=1,nb=3,delay_s=0.5+dead_zone"
+        )
+    numbers = _numbers(text, Family(family), listed)
+    structure = Structure(Family(family), **numbers)
+    return _with_effects(text, structure, tuple(effects))
+
+
+def _numbers(text: str, family: Family, listed: str) -> dict:
+    order = {"nf": "na"} if family is Family.OUTPUT_ERROR else {"na": "na"}
+    fields = {**order, "nb": "nb", "delay_s": "delay_s"}
+    fields |= {"nc": "nc"} if family is Family.ARMAX else {}
+    fields |= {"degree": "degree"} if family is Family.NARX else {}
+    highest = {"delay_s": LONGEST_DELAY_S, "degree": HIGHEST_DEGREE}
+    numbers: dict[str, float | int] = {}
+    for item in filter(None, listed.split(",")):
+        key, equals, written = (part.strip() for part in item.partition("="))
+        if not equals or key not in fields:
+            raise FitError(f"model {text!r}: {item!r} is no order of {family}; it takes {', '.join(fields)}")
+        try:
+            value = float(written) if key == "delay_s" else int(written)
+        except ValueError:
+            raise FitError(
+                f"model {text!r}: {key}={written} is no {'time in s' if key == 'delay_s' else 'whole number'}"
+            ) from None
+        if not 0 <= value <= highest.get(key, HIGHEST_ORDER):
+            raise FitError(f"model {text!r}: {key}={written} is outside 0 to {highest.get(key, HIGHEST_ORDER):g}")
+        numbers[fields[key]] = value
+    missing = [key for key, field in fields.items() if field not in numbers]
+    if missing:
+        raise FitError(f"model {text!r}: {', '.join(missing)} missing; {family} takes {', '.join(fields)}")
+    if not numbers["na"] + numbers["nb"]:
+        raise FitError(f"model {text!r}: a model without any order predicts nothing; give nb=1 at least")
+    return numbers
+
+
+def _with_effects(text: str, structure: Structure, effects: tuple[str, ...]) -> Structure:
+    for name in effects:
+        if name not in EFFECTS:
+            near = difflib.get_close_matches(name, EFFECTS, n=1)
+            hint = f"did you mean {near[0]}?" if near else f"known: {', '.join(EFFECTS)}"
+            raise FitError(f"model {text!r}: no effect {name!r}; {hint}")
+    if len(set(effects)) < len(effects):
+        raise FitError(f"model {text!r}: every effect can be there once")
+    return Structure(
+        structure.family,
+        structure.na,
+        structure.nb,
+        structure.delay_s,
+        structure.nc,
+        structure.degree,
+        effects,
+        structure.name if effects == structure.effects else "",
+    )

@@ -14,15 +14,38 @@ from rich.table import Table
 
 from cruise.cli import identify_picture
 from cruise.cli.places import OUT
-from cruise.cli.reading import AsJson, Columns, InputName, OutputName, Recordings, columns_of, model_named, tables
+from cruise.cli.reading import (
+    NOTES_SHOWN,
+    PICTURES,
+    AsJson,
+    Columns,
+    Cutoff,
+    Horizon,
+    InputName,
+    ModelPeriod,
+    OutputName,
+    Recordings,
+    above_zero,
+    columns_of,
+    count_of,
+    destination,
+    model_named,
+    notes_of,
+    prepared_by,
+    tables,
+)
+from cruise.effects import Parameter
 from cruise.identification.accuracy import Accuracy
 from cruise.identification.armax import Armax
 from cruise.identification.identify import Identification
 from cruise.identification.identify import identify as fit
-from cruise.identification.preparation import PreparationSettings
+from cruise.identification.preparation import PreparationSettings, filter_in_words
 from cruise.identification.regressors import FitError
 from cruise.model import files
 from cruise.model.files import Provenance
+
+MODEL_FILES = (".yaml", ".yml")
+LEAST_SHOWN_PCT = -999.9  # below it a prediction is nonsense, and its digits are noise
 
 
 def identify(
@@ -32,42 +55,49 @@ def identify(
     columns: Columns = None,
     input_name: InputName = None,
     output_name: OutputName = None,
-    period: Annotated[float, typer.Option(help="Sampling period of the model in s.")] = 0.2,
-    cutoff: Annotated[float, typer.Option(help="Filter of the training data in Hz; 0: none.")] = 1.0,
-    horizon: Annotated[float, typer.Option(help="How far ahead predictions are judged, in s.")] = 3.0,
+    period: ModelPeriod = None,
+    cutoff: Cutoff = 1.0,
+    horizon: Horizon = 3.0,
     picture: Annotated[Path, typer.Option(help="Where the picture goes.")] = OUT / "identify.png",
     as_json: AsJson = False,
 ) -> None:
-    """Fit a model to recordings and judge it 3 s ahead on blocks of them that the fit had not seen."""
+    """Fit a model to recordings and judge it 3 s ahead on parts of them that the fit had not seen."""
     console = Console(highlight=False, stderr=True)
     structure, start = model_named(model)
     if out is not None and structure.family == "narx":
         raise FitError(f"{model}: polynomials can't drive, so that there is no model file for them; leave out -o")
     if out is not None and structure.nb == 0:
         raise FitError(f"{model}: a model without the current can't drive; leave out -o, or give nb=1 or more")
+    preparation = prepared_by(period, cutoff, start)
+    above_zero("--horizon", horizon)
+    destination("--picture", picture, PICTURES)
+    if out is not None:
+        destination("--out", out, MODEL_FILES)
     read = tables(recordings, columns_of(columns, input_name, output_name))
-    preparation = PreparationSettings(period_s=period, cutoff_hz=cutoff)
     with console.status("reading") as status:
         found = fit(structure, read, preparation, start, horizon, status.update)
     drawn = identify_picture.draw(found, picture)
     if out is not None:
         _save(out, found, preparation)
     if as_json:
-        print(json.dumps({**report(found), "picture": str(drawn), "model_file": str(out) if out else None}, indent=2))
+        said = {**report(found, preparation), "picture": str(drawn), "model_file": str(out) if out else None}
+        print(json.dumps(said, indent=2))
     else:
         _print(found, preparation, drawn, out)
 
 
-def report(found: Identification) -> dict[str, Any]:
+def report(found: Identification, preparation: PreparationSettings) -> dict[str, Any]:
     """All figures under stable names; what is no number is null, so that it is JSON."""
     fitted = found.fitted
     return {
         "model": found.structure.name or str(found.structure),
         "structure": str(found.structure),
         "period_s": fitted.period_s,
+        "delay_s": round(found.structure.delay(fitted.period_s) * fitted.period_s, 9),
+        "training_data": filter_in_words(preparation),
         "recordings": [one.source for one in found.recordings],
         "samples": sum(len(one) for one in found.recordings),
-        "notes": [f"{one.source}: {note}" for one in found.recordings for note in one.notes],
+        "notes": notes_of(found.recordings),
         "parameters": {
             name: {"value": value, "standard_error": _number(error)}
             for name, value, error in zip(fitted.parameter_names, fitted.theta, fitted.theta_std, strict=True)
@@ -80,6 +110,7 @@ def report(found: Identification) -> dict[str, Any]:
         "horizon_s": found.horizon_s,
         "input_filtered_for_validation": found.filtered,
         "held_out": _figures(found.held_out, fitted.unstable),
+        "held_out_refused": found.refused,
         "training": _figures(found.training, fitted.unstable),
         "free_run": _figures(found.free_run, fitted.unstable),
         "persistence": _figures(found.persistence, ""),
@@ -98,9 +129,7 @@ def time_constants_s(found: Identification) -> list[float]:
 
 
 def _shapes(found: Identification) -> dict[str, dict[str, float]]:
-    model = found.model
-    effects = model.effects if model is not None else ()
-    return {effect.name: {name: float(getattr(effect, name)) for name in effect.parameters} for effect in effects}
+    return {one.name: {name: float(getattr(one, name)) for name in one.parameters} for one in found.effects}
 
 
 def _figures(judged: Accuracy | None, unstable: str) -> dict[str, Any] | None:
@@ -113,40 +142,46 @@ def _number(value: float) -> float | None:
 
 
 def _save(path: Path, found: Identification, preparation: PreparationSettings) -> None:
-    model, judged = found.model, found.held_out or found.training
+    model, unstable = found.model, found.fitted.unstable
     assert model is not None
-    filtered = f"filtered at {preparation.cutoff_hz:g} Hz" if preparation.cutoff_hz else "not filtered"
+    runs_away = f"; unstable predictor: {unstable}" if unstable else ""
     provenance = Provenance(
         recordings=tuple(f"{one.source}, {one.time_s[0]:g} to {one.time_s[-1]:g} s" for one in found.recordings),
         samples=sum(len(one) for one in found.recordings),
         made_by=f"cruise identify --model {found.structure.name or found.structure}",
         made_on=datetime.now(UTC).date().isoformat(),
-        error_ahead_mps=_number(judged.rmse_mps),
+        error_ahead_mps=_number(found.held_out.rmse_mps) if found.held_out and not unstable else None,
         horizon_s=found.horizon_s,
-        note=f"training data {filtered}; {found.fitted.message}",
+        note=f"training data {filter_in_words(preparation)}; {found.fitted.message}{runs_away}",
     )
     noise = found.fitted.noise if isinstance(found.fitted, Armax) else ()
-    path.parent.mkdir(parents=True, exist_ok=True)
     files.save(path, model, provenance, found.structure.family.value, noise)  # pyright: ignore[reportArgumentType]
 
 
 def _print(found: Identification, preparation: PreparationSettings, drawn: Path, out: Path | None) -> None:
     console, fitted = Console(highlight=False), found.fitted
     samples = sum(len(one) for one in found.recordings)
-    console.print(f"[bold]{found.structure.name}[/bold] {found.structure}", markup=True)
-    console.print(f"{len(found.recordings)} recordings, {samples} samples of {fitted.period_s:g} s", end="")
-    console.print(f", filtered at {preparation.cutoff_hz:g} Hz" if preparation.cutoff_hz else ", not filtered")
-    for one in found.recordings:
-        for note in one.notes:
-            console.print(f"note: {one.source}: {note}", markup=False)
+    delay = found.structure.delay(fitted.period_s)
+    name = f"[bold]{found.structure.name}[/bold] " if found.structure.name else ""
+    console.print(f"{name}{found.structure}")
+    console.print(
+        f"{count_of(len(found.recordings), 'recording')}, {samples} samples of {fitted.period_s:g} s, "
+        f"{filter_in_words(preparation)}; delay {delay * fitted.period_s:g} s"
+    )
+    notes = notes_of(found.recordings)
+    for note in notes[:NOTES_SHOWN]:
+        console.print(f"note: {note}", markup=False)
+    if len(notes) > NOTES_SHOWN:
+        console.print(f"and {count_of(len(notes) - NOTES_SHOWN, 'note')} more (--json has them all)")
     table = Table(box=box.SIMPLE_HEAD)
     for heading in ("parameter", "value", "standard error"):
         table.add_column(heading, justify="left" if heading == "parameter" else "right")
     for name, value, error in zip(fitted.parameter_names, fitted.theta, fitted.theta_std, strict=True):
         table.add_row(name, f"{value:.5g}", f"{error:.2g}")
-    for effect, shape in _shapes(found).items():
-        for name, value in shape.items():
-            table.add_row(f"{effect}.{name}", f"{value:.5g}", "")
+    for effect in found.effects:
+        for name, bound in effect.parameters.items():
+            value = float(getattr(effect, name))
+            table.add_row(f"{effect.name}.{name}", f"{value:.5g}", _remark(value, bound))
     console.print(table)
     slow = ", ".join(f"{value:.2f} s" for value in time_constants_s(found))
     console.print(f"time constants: {slow}" if slow else "no pole: what happened longer ago than the taps is forgotten")
@@ -154,14 +189,29 @@ def _print(found: Identification, preparation: PreparationSettings, drawn: Path,
     if fitted.unstable:
         console.print(f"[bold]unstable predictor[/bold]: {fitted.unstable}; no figure of it means anything")
     console.print(_accuracy_table(found))
-    white = found.whiteness
-    console.print(
-        f"residuals one step ahead: {white.outside_pct:.0f} % of the autocorrelations outside the 95 % bound (5 % by "
-        f"chance), largest {white.largest:.2f}"
-    )
+    if found.refused:
+        console.print(f"nothing held out: {found.refused}", markup=False)
+    console.print(_residuals(found))
     console.print(f"picture: {drawn}", markup=False)
     if out is not None:
         console.print(f"model: {out}; next: cruise run with it, or cruise compare", markup=False)
+
+
+def _remark(value: float, bound: Parameter) -> str:
+    """What has to be known of a shape that was not found between its bounds."""
+    if value == bound.neutral:
+        return "no sign of it"
+    return "at its bound" if value in (bound.low, bound.high) else ""
+
+
+def _residuals(found: Identification) -> str:
+    white = found.whiteness
+    if not math.isfinite(white.q):
+        return "residuals one step ahead: too few to say whether they are white"
+    return (
+        f"residuals one step ahead: {white.outside_pct:.0f} % of the autocorrelations are outside the\n"
+        f"95 % bound (5 % by chance), the largest is {white.largest:.2f}"
+    )
 
 
 def _accuracy_table(found: Identification) -> Table:
@@ -174,23 +224,25 @@ def _accuracy_table(found: Identification) -> Table:
     for heading in ("", "explained %", "NRMSE %", "RMSE m/s", "mean error m/s", "samples"):
         table.add_column(heading, justify="left" if not heading else "right")
     rows = {
-        "held-out blocks": found.held_out,
-        "training data": found.training,
-        "free run, training": found.free_run,
+        "held out": found.held_out,
+        "training": found.training,
+        "free run": found.free_run,
         "persistence": found.persistence,
     }
     for name, judged in rows.items():
-        if judged is None:
-            table.add_row(name, *["too short"] * 5)
-        elif found.fitted.unstable and name != "persistence":
+        if judged is None or (found.fitted.unstable and name != "persistence"):
             table.add_row(name, *["-"] * 5)
         else:
             table.add_row(
                 name,
-                f"{judged.explained_pct:.1f}",
-                f"{judged.nrmse_pct:.1f}",
+                _percent(judged.explained_pct),
+                _percent(judged.nrmse_pct),
                 f"{judged.rmse_mps:.4f}",
                 f"{judged.mean_error_mps:+.4f}",
                 str(judged.samples),
             )
     return table
+
+
+def _percent(value: float) -> str:
+    return f"{value:.1f}" if not value < LEAST_SHOWN_PCT else f"< {LEAST_SHOWN_PCT:.0f}"

@@ -35,7 +35,7 @@ def draw(found: Identification, path: Path) -> Path:
     name = found.structure.name or str(found.structure)
     where = f"{Path(recording.source).name}: the {time_s[-1] - time_s[0]:.0f} s with the greatest error"
     speed.set_title(f"{name} - {where}" + (" - unstable predictor" if found.fitted.unstable else ""), loc="left")
-    speed.legend(loc="upper right", ncols=2, fontsize="small")
+    speed.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, fontsize="small", frameon=False)
     error.plot(time_s, measured - shown, color=RED, lw=1.0)
     error.axhline(0.0, color=GREY, lw=0.8)
     error.set_ylabel("error (m/s)")
@@ -64,7 +64,6 @@ def draw(found: Identification, path: Path) -> Path:
     step.set_title(f"answer to {STEP_MA:g} mA more drive signal", loc="left")
     for axis in (speed, error, correlation, step):
         axis.grid(alpha=0.3)
-    path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=110)
     plt.close(figure)
     return path

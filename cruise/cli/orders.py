@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,10 +14,29 @@ from rich.table import Table
 
 from cruise.cli import orders_picture
 from cruise.cli.places import OUT
-from cruise.cli.reading import AsJson, Columns, InputName, OutputName, Recordings, columns_of, model_named, tables
-from cruise.identification.identify import with_shapes
+from cruise.cli.reading import (
+    PICTURES,
+    AsJson,
+    Columns,
+    Cutoff,
+    Horizon,
+    InputName,
+    ModelPeriod,
+    OutputName,
+    Recordings,
+    above_zero,
+    columns_of,
+    count_of,
+    destination,
+    model_named,
+    prepared_by,
+    tables,
+)
+from cruise.identification.identify import validation_filter, with_shapes
 from cruise.identification.orders import Candidate, Search, search
-from cruise.identification.preparation import PreparationSettings, at_period, smoother
+from cruise.identification.preparation import at_period, smoother
+from cruise.identification.regressors import FitError
+from cruise.identification.structures import Family
 
 SHOWN = 15  # rows of the table
 
@@ -30,29 +50,36 @@ def orders(
     columns: Columns = None,
     input_name: InputName = None,
     output_name: OutputName = None,
-    period: Annotated[float, typer.Option(help="Sampling period of the models in s.")] = 0.2,
-    cutoff: Annotated[float, typer.Option(help="Filter of the training data in Hz; 0: none.")] = 1.0,
-    horizon: Annotated[float, typer.Option(help="How far ahead predictions are judged, in s.")] = 3.0,
+    period: ModelPeriod = None,
+    cutoff: Cutoff = 1.0,
+    horizon: Horizon = 3.0,
     picture: Annotated[Path, typer.Option(help="Where the picture goes.")] = OUT / "orders.png",
     as_json: AsJson = False,
 ) -> None:
     """Search over orders and delay, ranked by the held-out error 3 s ahead against the number of parameters."""
     structure, start = model_named(model)
-    preparation = PreparationSettings(period_s=period, cutoff_hz=cutoff)
-    prepared = at_period(tables(recordings, columns_of(columns, input_name, output_name)), period)
-    smooth = smoother(preparation, period)
-    base = start if start is not None else with_shapes(structure.model(period), prepared, smooth)
-    with Progress(console=Console(stderr=True), transient=True) as bar:
+    if structure.family is not Family.ARX:
+        raise FitError(f"{model}: the search is over ARX structures; name one, such as arx10B, for its effects")
+    preparation = prepared_by(period, cutoff, start)
+    above_zero("--horizon", horizon)
+    destination("--picture", picture, PICTURES)
+    period_s = preparation.period_s
+    prepared = at_period(tables(recordings, columns_of(columns, input_name, output_name)), period_s)
+    smooth = smoother(preparation, period_s)
+    empty = structure.model(period_s)
+    base = replace(empty, effects=start.effects) if start is not None else with_shapes(empty, prepared, smooth)
+    terminal = Console(stderr=True)
+    with Progress(console=terminal, transient=True, disable=not terminal.is_terminal) as bar:
         task = bar.add_task("structures")
         found = search(
             base,
             prepared,
             range(na_max + 1),
             range(1, nb_max + 1),
-            range(round(delay_max / period) + 1),
+            range(round(delay_max / period_s) + 1),
             horizon,
             smooth,
-            smooth,
+            validation_filter(base, prepared, smooth),
             lambda done, total: bar.update(task, completed=done, total=total),
         )
     drawn = orders_picture.draw(found, picture)
@@ -88,7 +115,8 @@ def _row(found: Search, one: Candidate) -> dict[str, Any]:
 
 def written(found: Search, one: Candidate) -> str:
     """The structure as --model takes it."""
-    return f"arx:na={one.na},nb={one.nb},delay_s={round(one.delay * found.period_s, 9):g}"
+    orders = f"arx:na={one.na},nb={one.nb},delay_s={round(one.delay * found.period_s, 9):g}"
+    return "+".join((orders, *found.effects))
 
 
 def _print(found: Search, drawn: Path) -> None:
@@ -115,8 +143,7 @@ def _print(found: Search, drawn: Path) -> None:
     console.print(table)
     refused = sum(bool(one.refused) for one in found.candidates)
     if refused:
-        console.print(f"{refused} structures are unstable predictors or can't be fitted (--json says why)")
-    console.print(
-        f"recommended: {written(found, found.recommended)}, the fewest parameters within one standard error of the best"
-    )
+        console.print(f"left out: {count_of(refused, 'structure')}, unstable or not to be fitted (--json says why)")
+    console.print("recommended, the fewest parameters within one standard error of the best:")
+    console.print(f"  {written(found, found.recommended)}", markup=False, soft_wrap=True)
     console.print(f"picture: {drawn}", markup=False)

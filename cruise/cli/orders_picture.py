@@ -14,6 +14,7 @@ def draw(found: Search, path: Path) -> Path:
 
     mpl.use("Agg")
     from matplotlib import pyplot as plt
+    from matplotlib import ticker
 
     usable = [one for one in found.candidates if not one.refused]
     figure, (left, right) = plt.subplots(1, 2, figsize=(12, 5), layout="constrained", sharey=True)
@@ -23,15 +24,10 @@ def draw(found: Search, path: Path) -> Path:
     front = [one.parameters for one in found.front], [one.rmse_mps for one in found.front]
     left.plot(*front, color=BLUE, marker="o", ms=5, label="no simpler one is better")
     wise = found.recommended
-    left.plot(wise.parameters, wise.rmse_mps, "D", color=RED, ms=9, mfc="none", mew=2, label="recommended")
-    left.annotate(
-        f"na={wise.na}, nb={wise.nb}, {wise.delay * found.period_s:g} s",
-        (wise.parameters, wise.rmse_mps),
-        textcoords="offset points",
-        xytext=(8, 12),
-        color=RED,
-    )
+    named = f"recommended: na = {wise.na}, nb = {wise.nb}, delay {wise.delay * found.period_s:g} s"
+    left.plot(wise.parameters, wise.rmse_mps, "D", color=RED, ms=9, mfc="none", mew=2, ls="none", label=named)
     left.set_xlabel("parameters (-)")
+    left.xaxis.set_major_locator(ticker.MaxNLocator(integer=True))
     left.set_ylabel(f"held-out error {found.horizon_s:g} s ahead (RMSE, m/s)")
     left.legend(loc="upper right", fontsize="small")
     orders = sorted({one.na for one in usable})
@@ -47,7 +43,6 @@ def draw(found: Search, path: Path) -> Path:
     left.set_ylim(least - 0.08 * (median - least), least + 2.5 * (median - least) if median > least else None)
     for axis in (left, right):
         axis.grid(alpha=0.3)
-    path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=110)
     plt.close(figure)
     return path

@@ -1,5 +1,7 @@
-"""How the verbs that look at recordings read them, and which model they mean."""
+"""How the verbs that look at recordings read them, which model they mean, and what they are told in numbers."""
 
+import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -7,15 +9,25 @@ import msgspec
 import typer
 
 from cruise import settings
+from cruise.identification.preparation import PreparationSettings
 from cruise.identification.structures import PRESETS, Family, Structure, parse
 from cruise.model import files
 from cruise.model.model import Model
 from cruise.recording import Recording, RecordingSettings, read_csv
+from cruise.settings import SettingsError
+
+PICTURES = (".png", ".svg", ".pdf")
+NOTES_SHOWN = 5  # of the recordings; forty files have forty alike
 
 Recordings = Annotated[list[Path], typer.Argument(help="Tables (.csv), one experiment each.", show_default=False)]
 Columns = Annotated[Path | None, typer.Option(help="How the columns of a table are read.")]
 InputName = Annotated[str | None, typer.Option("--input", help="Column of the current.")]
 OutputName = Annotated[str | None, typer.Option("--output", help="Column of the speed.")]
+ModelPeriod = Annotated[
+    float | None, typer.Option("--period", help="Sampling period in s; default: the model file's, or 0.2.")
+]
+Cutoff = Annotated[float, typer.Option(help="Filter of the training data in Hz; 0: none.")]
+Horizon = Annotated[float, typer.Option(help="How far ahead predictions are judged, in s.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the figures as JSON and nothing else.")]
 
 
@@ -39,3 +51,42 @@ def model_named(text: str) -> tuple[Structure, Model | None]:
     effects = tuple(effect.name for effect in model.effects)
     family = Family(file.family)
     return Structure(family, file.na, file.nb, file.delay_s, len(file.noise_parameters), effects=effects), model
+
+
+def prepared_by(period_s: float | None, cutoff_hz: float, file: Model | None) -> PreparationSettings:
+    """How training data are prepared, as the command line says or the model file. SettingsError for no such numbers."""
+    if not 0.0 <= cutoff_hz < math.inf:
+        raise SettingsError(f"--cutoff {cutoff_hz:g}: give a frequency in Hz, or 0 for no filter")
+    default_s = PreparationSettings().period_s if file is None else file.period_s
+    chosen_s = default_s if period_s is None else above_zero("--period", period_s)
+    return PreparationSettings(period_s=chosen_s, cutoff_hz=cutoff_hz)
+
+
+def above_zero(option: str, value_s: float) -> float:
+    """The time in s that an option gives. SettingsError where it is none."""
+    if not 0.0 < value_s < math.inf:
+        raise SettingsError(f"{option} {value_s:g}: give a time in s above 0")
+    return value_s
+
+
+def destination(option: str, path: Path, endings: Sequence[str]) -> Path:
+    """`path` with its folder made, so that an hour's fit is not lost. SettingsError where no file can go there."""
+    if path.suffix.lower() not in endings:
+        raise SettingsError(f"{option} {path}: let the name end in {' or '.join(endings)}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise SettingsError(f"{option} {path}: the folder can't be made: {error.strerror}") from error
+    if path.is_dir():
+        raise SettingsError(f"{option} {path}: is a folder; give the name of a file")
+    return path
+
+
+def notes_of(recordings: Sequence[Recording]) -> list[str]:
+    """What was lost or mended in the recordings, under the names of their files."""
+    return [f"{Path(one.source).name}: {note}" for one in recordings for note in one.notes]
+
+
+def count_of(number: int, thing: str) -> str:
+    """1 recording, 2 recordings."""
+    return f"{number} {thing}" if number == 1 else f"{number} {thing}s"

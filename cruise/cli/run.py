@@ -39,17 +39,26 @@ def run(
     node = CruiseNode.load(settings)
     lateness, running = Lateness(), Running()
     lines_at_s = ended_s = 0.0
+    told = "", ""
 
     def each_tick(now_s: float) -> None:
-        nonlocal lines_at_s, ended_s
+        nonlocal lines_at_s, ended_s, told
         ended_s = now_s
-        if quiet or now_s < lines_at_s:
+        if quiet:
+            return
+        status = node.status(now_s)
+        if (status.refused, status.experiment) != told:  # what the operator has just done is answered at once
+            told = status.refused, status.experiment
+            lines_at_s = now_s
+        if now_s < lines_at_s:
             return
         lines_at_s = now_s + 10.0
-        status = node.status(now_s)
+        driven = f"  experiment {status.experiment}, {status.experiment_left_s:.0f} s left" if status.experiment else ""
+        refused = f"  refused: {status.refused}" if status.refused else ""
         print(
             f"{now_s:8.1f} s  {status.state}  speed {status.speed_mps:.2f} m/s  setpoint {status.setpoint_mps:.2f} m/s"
-            f"  gate {status.gate}  missing: {', '.join(status.missing) or 'nothing'}",
+            f"  gate {status.gate}  missing: {', '.join(status.missing) or 'nothing'}"
+            f"{driven}{refused}",
             flush=True,
         )
 

@@ -1,7 +1,8 @@
 """From recordings to a model that was judged on what it had not seen.
 
 The recordings are brought to the model's period, the shapes of its effects are looked for, the family's fit finds the
-linear parameters with their standard errors, and folds of the recordings that the fit had not seen tell how good it is.
+linear parameters with their standard errors, and folds of the recordings tell how good it is: shapes and parameters are
+found again without the samples that are judged.
 The validation input is filtered like the training input, the measured speed is not: the paper's tables can't be reached
 otherwise (three taps, fitted to data below 1 Hz, make nothing but noise of what lies above). Source: sections II and IV
 of Coen et al. 2005.
@@ -12,11 +13,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cruise.effects import Effect
 from cruise.identification.accuracy import Accuracy, accuracy, persistence
 from cruise.identification.armax import fit_armax
 from cruise.identification.arx import fit_arx
-from cruise.identification.families import Identified
-from cruise.identification.held_out import Fold, folds
+from cruise.identification.families import Identified, split_over
+from cruise.identification.held_out import folds
 from cruise.identification.narx import fit_narx
 from cruise.identification.output_error import fit_output_error
 from cruise.identification.preparation import PreparationSettings, at_period, smoother
@@ -32,15 +34,17 @@ Show = Callable[[str], None]
 
 @dataclass(frozen=True, eq=False)
 class Identification:
-    """A fitted model, and how good it is `horizon_s` ahead. `held_out` is None where the recordings are too short."""
+    """A fitted model, and how good it is `horizon_s` ahead. `held_out` is None, with the reason, where nothing is."""
 
     structure: Structure
     fitted: Identified
+    effects: tuple[Effect, ...]  # with the shapes that were found
     recordings: tuple[Recording, ...]
     horizon_s: float
     filtered: bool  # whether the input of the predictions below was filtered like the training data
     training: Accuracy
     held_out: Accuracy | None
+    refused: str  # why there are no held-out figures; empty where there are
     free_run: Accuracy
     persistence: Accuracy
     whiteness: Whiteness  # of the one-step residuals on the training data
@@ -75,6 +79,13 @@ def with_shapes(
     return fit_shapes(model, recordings, shapes, HORIZON_S, smooth, show) if shapes else model
 
 
+def validation_filter(model: Model, recordings: Sequence[Recording], smooth: Smooth | None) -> Smooth | None:
+    """`smooth`, unless an effect of `model` reads the speed: then nothing can be filtered before the prediction."""
+    if smooth is None or any(split_over(model, one, None) is None for one in recordings):
+        return None
+    return smooth
+
+
 def identify(
     structure: Structure,
     recordings: Sequence[Recording],
@@ -84,60 +95,71 @@ def identify(
     show: Show | None = None,
 ) -> Identification:
     """Fit and judge. `start`: a model whose effects' shapes are where the search begins. Raises FitError."""
-    tell = show or (lambda _: None)
     period_s = preparation.period_s
     prepared = at_period(recordings, period_s)
     smooth = smoother(preparation, period_s)
     empty = structure.model(period_s)
     if start is not None:
         empty = replace(empty, effects=start.effects)
-    tell(f"fitting {structure}")
+    if show is not None:
+        show(f"fitting {structure}")
     shaped = with_shapes(empty, prepared, smooth, show)
     fitted = fit_family(structure, shaped, prepared, smooth)
     horizon = max(round(horizon_s / period_s), 1)
-    validation = _usable(fitted, prepared[0], smooth)
+    validation = validation_filter(shaped, prepared, smooth)
     measured = [one.output for one in prepared]
     predicted = [fitted.ahead(one, horizon, validation) for one in prepared]
     one_ahead = [fitted.ahead(one, 1, validation) for one in prepared]
-    judged = None
+    training = accuracy(measured, predicted)
+    if not (training.samples or fitted.unstable):
+        raise FitError(
+            f"no sample has {horizon_s:g} s of whole recording before it: record for longer, or look less far"
+        )
+    held_out, refused = None, ""
     try:
-        errors = []
-        for i, fold in enumerate(folds(prepared)):
-            tell(f"judging on held-out block {i + 1}")
-            errors.append(_unseen(structure, shaped, fold, smooth, validation, horizon))
-    except FitError:  # the parts are too short to fit or to judge; the figures on the whole stand
-        pass
-    else:
-        judged = accuracy([one for seen, _ in errors for one in seen], [one for _, said in errors for one in said])
+        held_out = _held_out(structure, shaped, prepared, smooth, validation, horizon, show)
+    except FitError as error:  # what is left without the held-out samples can't be fitted; the figures on all stand
+        refused = str(error)
     return Identification(
         structure=structure,
         fitted=fitted,
+        effects=shaped.effects,
         recordings=tuple(prepared),
         horizon_s=horizon * period_s,
         filtered=validation is not None,
-        training=accuracy(measured, predicted),
-        held_out=judged,
+        training=training,
+        held_out=held_out,
+        refused=refused,
         free_run=accuracy(measured, [fitted.free_run(one, validation) for one in prepared]),
         persistence=persistence(prepared, horizon_s),
-        whiteness=whiteness([y - p for y, p in zip(measured, one_ahead, strict=True)], structure.na),
+        whiteness=whiteness([y - p for y, p in zip(measured, one_ahead, strict=True)], _fed_back(structure)),
         predicted_mps=tuple(predicted),
     )
 
 
-def _usable(fitted: Identified, recording: Recording, smooth: Smooth | None) -> Smooth | None:
-    """The filter, unless an effect reads the speed: then nothing can be filtered before the prediction."""
-    if smooth is None:
-        return None
-    try:
-        fitted.ahead(recording, 1, smooth)
-    except ValueError:
-        return None
-    return smooth
+def _held_out(
+    structure: Structure,
+    shaped: Model,
+    recordings: Sequence[Recording],
+    smooth: Smooth | None,
+    validation: Smooth | None,
+    horizon: int,
+    show: Show | None,
+) -> Accuracy:
+    """Every sample predicted by the fit that has not seen it, from the recording as it was up to then."""
+    predicted = [np.full(len(one), np.nan) for one in recordings]
+    for i, fold in enumerate(folds(recordings)):
+        if show is not None:
+            show(f"judging on held-out part {i + 1}")
+        fitted = fit_family(structure, with_shapes(shaped, fold.training, smooth), fold.training, smooth)
+        if fitted.unstable:
+            raise FitError(f"unstable without held-out part {i + 1}: {fitted.unstable}")
+        for one, unseen, result in zip(recordings, fold.unseen, predicted, strict=True):
+            if unseen.stop > unseen.start:
+                result[unseen] = fitted.ahead(one, horizon, validation)[unseen]
+    return accuracy([one.output for one in recordings], predicted)
 
 
-def _unseen(
-    structure: Structure, shaped: Model, fold: Fold, smooth: Smooth | None, validation: Smooth | None, horizon: int
-) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Measured and predicted speeds of the fold's unseen blocks."""
-    fitted = fit_family(structure, shaped, fold.training, smooth)
-    return [one.output for one in fold.unseen], [fitted.ahead(one, horizon, validation) for one in fold.unseen]
+def _fed_back(structure: Structure) -> int:
+    """Parameters that act on past measured speeds: those of the noise model too, those of output error none."""
+    return 0 if structure.family is Family.OUTPUT_ERROR else structure.na + structure.nc

@@ -1,10 +1,10 @@
 """What happens to training data before a fit: the zero-phase low-pass filter of the paper, and the sampling period.
 
-    |H(f)|^2 = 1 / (1 + (f / f_c)^(2 n))   run forward and backward, so |H|^2 in amplitude and no phase
+    |H(f)|^2 = 1 / (1 + (tan(pi f T) / tan(pi f_c T))^(2 n)),   run forward and backward: gain |H|^2, no phase
 
-f_c = 1 Hz, n = 10, in second-order sections. It acts on the finished regressor columns and on the target alike (it does
-not commute with the effects). Source: section IV.B of Coen et al. 2005; A. V. Oppenheim, R. W. Schafer, Discrete-Time
-Signal Processing, 3rd ed., section 7.3.
+f_c = 1 Hz, n = 10, T period in s, in second-order sections. It acts on the finished regressor columns and on the target
+alike (it does not commute with the effects). Source: section IV.B of Coen et al. 2005; A. V. Oppenheim, R. W. Schafer,
+Discrete-Time Signal Processing, 3rd ed., section 7.3.
 """
 
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 from scipy import signal
 
-from cruise.identification.regressors import FitError, Smooth
+from cruise.identification.regressors import SAME_PERIOD, UNCHANGED, FitError, Smooth
 from cruise.recording import Recording, resample
 from cruise.settings import Positive
 
@@ -45,7 +45,7 @@ def smoother(settings: PreparationSettings, period_s: float) -> Smooth | None:
 
 
 def at_period(recordings: Sequence[Recording], period_s: float) -> list[Recording]:
-    """All recordings on the grid of one period. FitError where one is sampled too slowly for it."""
+    """All recordings on the grid of one period. FitError where one is too slow for it, or the speed never changes."""
     prepared = []
     for recording in recordings:
         if recording.dt_s > 1.001 * period_s:
@@ -53,6 +53,19 @@ def at_period(recordings: Sequence[Recording], period_s: float) -> list[Recordin
                 f"{recording.source} is sampled every {recording.dt_s:g} s, too slowly for a model of {period_s:g} s: "
                 f"give --period {recording.dt_s:g} or more, or record faster"
             )
-        same = abs(recording.dt_s - period_s) <= 1e-3 * period_s
+        same = abs(recording.dt_s - period_s) <= SAME_PERIOD * period_s
         prepared.append(recording if same else resample(recording, period_s))
+    speeds = np.concatenate([one.output[np.isfinite(one.output)] for one in prepared])
+    if len(speeds) and np.ptp(speeds) <= UNCHANGED * np.abs(speeds).max():
+        raise FitError(
+            f"the speed is {speeds[0]:g} m/s throughout, there is nothing to identify: "
+            "drive the machine, or choose another column with --output"
+        )
     return prepared
+
+
+def filter_in_words(settings: PreparationSettings) -> str:
+    """What happened to the training data."""
+    if smoother(settings, settings.period_s) is not None:
+        return f"filtered at {settings.cutoff_hz:g} Hz"
+    return "not filtered" if settings.cutoff_hz == 0.0 else f"not filtered, nothing is above {settings.cutoff_hz:g} Hz"

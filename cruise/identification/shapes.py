@@ -4,7 +4,8 @@
 
 Separable least squares (Golub and Pereyra, SIAM J. Numerical Analysis 10 (1973)) with the multi-step error outside:
 one step ahead, a wrong shape hides behind the last measured speed. A shape that stands at its neutral value is looked
-for on a grid over its bounds first, one after the other; then all are refined together by Nelder and Mead.
+for on a grid over its bounds first, one after the other; then all are refined together by Nelder and Mead. What the
+recordings say nothing about, a saturation above every current, goes back to its neutral value.
 """
 
 import math
@@ -25,6 +26,7 @@ Shape = tuple[str, str]
 """Names of an effect and of its parameter."""
 
 HORIZON_S: Final = 3.0  # s, the paper's (section II.B)
+NO_DIFFERENCE: Final = 1e-9  # relative, of the error: rounding
 GRID: Final = 17  # points over the bounds of a parameter: closer than half the width of the valleys met so far
 
 
@@ -105,7 +107,20 @@ def fit_shapes(
         bounds=[(bound.low / span, bound.high / span) for bound, span in zip(bounds, size, strict=True)],
         options={"xatol": 1e-4, "fatol": 1e-6, "maxiter": 400, "initial_simplex": _simplex(start, bounds, size)},
     )
-    return shaped(found.x)
+    return shaped(_neutral_where_equal(found.x, [bound.neutral for bound in bounds] / size, error_mps))
+
+
+def _neutral_where_equal(
+    values: np.ndarray, neutral: np.ndarray, error_mps: Callable[[np.ndarray], float]
+) -> np.ndarray:
+    """`values` (n,), those neutral that make no difference to the error."""
+    least = error_mps(values)
+    for i in range(len(values)):
+        trial = values.copy()
+        trial[i] = neutral[i]
+        if error_mps(trial) <= (1.0 + NO_DIFFERENCE) * least:
+            values = trial
+    return values
 
 
 def _simplex(start: np.ndarray, bounds: Sequence, size: np.ndarray) -> np.ndarray:

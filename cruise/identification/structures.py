@@ -7,7 +7,8 @@ Families: arx, armax (nc), oe (nf in place of na), narx (degree). Source: Tables
 """
 
 import difflib
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Final
 
@@ -51,15 +52,19 @@ class Structure:
         listed = ",".join(f"{key}={value}" for key, value in orders.items())
         return "+".join((f"{self.family}:{listed},delay_s={self.delay_s:g}", *self.effects))
 
+    def delay(self, period_s: float) -> int:
+        """The delay in whole samples, half of one down: 0.5 s is 2 samples of 5 Hz (Table I, arx8)."""
+        return math.ceil(self.delay_s / period_s - 0.5 - 1e-9)
+
     def model(self, period_s: float) -> Model:
-        """The core with neutral effects and all parameters zero; the delay in whole samples, half of one up."""
+        """The core with neutral effects and all parameters zero."""
         effects: tuple[Effect, ...] = tuple(
             EFFECTS[name](**{key: bound.neutral for key, bound in EFFECTS[name].parameters.items()})
             for name in self.effects
         )
-        delay = int(self.delay_s / period_s + 0.5 + 1e-9)
         loads = sum(effect.stage == "load" for effect in effects)
-        return Model(period_s, self.na, self.nb, delay, effects, (0.0,) * (self.na + self.nb + loads + 1))
+        theta = (0.0,) * (self.na + self.nb + loads + 1)
+        return Model(period_s, self.na, self.nb, self.delay(period_s), effects, theta)
 
 
 _PREPROCESSED: Final = ("saturation", "dead_zone", "quadratic_gain")  # section IV.C: what the ramp of Fig. 4 shows
@@ -113,7 +118,8 @@ def parse(text: str) -> Structure:
         preset = PRESETS[family]
         return _with_effects(text, preset, (*preset.effects, *effects))
     if family not in list(Family):
-        near = difflib.get_close_matches(family, [*PRESETS, *Family], n=1)
+        other_case = [name for name in PRESETS if name.lower() == family.lower()]
+        near = other_case or difflib.get_close_matches(family, [*PRESETS, *Family], n=1)
         hint = f"did you mean {near[0]}? " if near else ""
         raise FitError(
             f"model {text!r}: no such name; {hint}known: {', '.join(PRESETS)}, a model file, or a structure such as "
@@ -141,6 +147,8 @@ def _numbers(text: str, family: Family, listed: str) -> dict:
             raise FitError(
                 f"model {text!r}: {key}={written} is no {'time in s' if key == 'delay_s' else 'whole number'}"
             ) from None
+        if fields[key] in numbers:
+            raise FitError(f"model {text!r}: {key} is there twice")
         if not 0 <= value <= highest.get(key, HIGHEST_ORDER):
             raise FitError(f"model {text!r}: {key}={written} is outside 0 to {highest.get(key, HIGHEST_ORDER):g}")
         numbers[fields[key]] = value
@@ -160,13 +168,4 @@ def _with_effects(text: str, structure: Structure, effects: tuple[str, ...]) -> 
             raise FitError(f"model {text!r}: no effect {name!r}; {hint}")
     if len(set(effects)) < len(effects):
         raise FitError(f"model {text!r}: every effect can be there once")
-    return Structure(
-        structure.family,
-        structure.na,
-        structure.nb,
-        structure.delay_s,
-        structure.nc,
-        structure.degree,
-        effects,
-        structure.name if effects == structure.effects else "",
-    )
+    return replace(structure, effects=effects, name=structure.name if effects == structure.effects else "")

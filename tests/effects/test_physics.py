@@ -10,6 +10,7 @@ from cruise.effects.dead_zone import DeadZone
 from cruise.effects.engine_speed import EngineSpeed
 from cruise.effects.gear_ratio import GearRatio
 from cruise.effects.quadratic_gain import QuadraticGain
+from cruise.effects.saturation import GREATEST_MA, Saturation
 
 
 @pytest.mark.parametrize(("current_ma", "left_ma"), [(0, 0), (300, 0), (350, 0), (400, 50), (-400, -50), (-10, 0)])
@@ -25,6 +26,29 @@ def test_beyond_the_vertex_of_a_falling_curve_there_is_no_current():
     inverse = QuadraticGain(-0.4).inverse(2000.0, {}, None)
     assert "vertex" in inverse.refused
     assert math.isnan(inverse.nearest(0.0))
+
+
+@pytest.mark.parametrize(
+    ("current_ma", "left_ma"),
+    [(0, 0), (900, 900), (1100, 1100), (1101, 1100), (3000, 1100), (-500, -500), (-1200, -1100)],
+)
+def test_saturation(current_ma, left_ma):
+    assert Saturation(1100.0).step(float(current_ma), 0.0, {}, None, 0.2)[0] == left_ma
+    result, _ = Saturation(1100.0).step(np.array([float(current_ma)]), 0.0, {}, None, 0.2)
+    np.testing.assert_array_equal(result, left_ma)
+
+
+def test_at_the_stop_any_higher_current_serves_and_beyond_it_none():
+    stop = Saturation(1100.0)
+    below, up, down = (stop.inverse(value, {}, None) for value in (700.0, 1100.0, -1100.0))
+    assert (below.low, below.high) == (700.0, 700.0)
+    assert (up.low, up.high) == (1100.0, GREATEST_MA)
+    assert (down.low, down.high) == (-GREATEST_MA, -1100.0)
+    assert up.nearest(900.0) == 1100.0
+    for value in (1100.1, -1100.1):
+        refused = stop.inverse(value, {}, None)
+        assert "beyond the stop at 1100 mA" in refused.refused
+        assert math.isnan(refused.nearest(0.0))
 
 
 def test_engine_speed_scales_with_flow():

@@ -8,7 +8,7 @@ import pytest
 from cruise.identification.arx import fit_arx
 from cruise.identification.least_squares import FitError, fit, regression_over, solve
 from cruise.identification.preparation import PreparationSettings, smoother
-from cruise.identification.regressors import Smooth, model_rows, settling
+from cruise.identification.regressors import Smooth, model_rows
 from cruise.model.model import Model
 from cruise.recording import Recording
 from cruise.signals import OUTPUT
@@ -166,29 +166,26 @@ def paper_filter(period_s: float = 0.2) -> Smooth:
 SMOOTH = paper_filter()
 
 
-def test_the_filter_takes_its_settling_from_both_ends_of_every_stretch():
-    margin = settling(SMOOTH)
-    assert 0.2 * margin == pytest.approx(1.8, abs=0.3)
+def test_the_filter_keeps_every_row_of_every_stretch_and_joins_none():
     holed = changed(recording(), OUTPUT, 300, np.nan)
     plain, filtered = model_rows(MODEL, [holed, holed]), model_rows(MODEL, [holed, holed], SMOOTH)
-    assert len(plain.pieces) == len(filtered.pieces) == 4
-    lengths = [part.stop - part.start for part in plain.pieces]
-    assert [part.stop - part.start for part in filtered.pieces] == [length - 2 * margin for length in lengths]
+    assert len(plain.pieces) == 4
+    assert filtered.pieces == plain.pieces
+    for piece in plain.pieces:
+        np.testing.assert_allclose(filtered.target[piece], SMOOTH(plain.target[piece]), rtol=1e-9)
 
 
 def test_a_stretch_too_short_for_the_filter_is_left_out():
     holed = changed(recording(), OUTPUT, slice(500, None, 12), np.nan)
     assert len(model_rows(MODEL, [holed], SMOOTH).pieces) == 1
-    with pytest.raises(FitError, match=r"0 usable samples .* before the filter, which needs"):
+    with pytest.raises(FitError, match=r"0 usable samples .* before the filter, for which"):
         fit(MODEL, [holed[500:]], SMOOTH)
 
 
 def test_the_filter_acts_on_finished_columns_and_leaves_the_constant():
     plain, filtered = model_rows(MODEL, [recording()]), model_rows(MODEL, [recording()], SMOOTH)
-    margin = settling(SMOOTH)
-    inner = slice(margin, len(plain.target) - margin)
-    np.testing.assert_allclose(filtered.matrix[:, 1], SMOOTH(plain.matrix[:, 1])[inner], rtol=1e-9)
-    np.testing.assert_allclose(filtered.target, SMOOTH(plain.target)[inner], rtol=1e-9)
+    np.testing.assert_allclose(filtered.matrix[:, 1], SMOOTH(plain.matrix[:, 1]), rtol=1e-9)
+    np.testing.assert_allclose(filtered.target, SMOOTH(plain.target), rtol=1e-9)
     single = Model(0.2, 0, 1, 0, (), (0.0,) * 2)
     assert (model_rows(single, [recording()], SMOOTH).matrix[:, -1] == 1.0).all()
 

@@ -65,7 +65,7 @@ def test_stepwise_is_the_same_as_by_filter(monkeypatch, smoothed):
     # filtered, the two differ in where the filter meets the ends of a stretch
     apart = np.abs(np.subtract(slow.theta, fast.theta)) / fast.theta_std
     assert apart.max() < (0.5 if smoothed else 1e-3)
-    np.testing.assert_allclose(slow.theta_std, fast.theta_std, rtol=0.2 if smoothed else 1e-3)
+    np.testing.assert_allclose(slow.theta_std, fast.theta_std, rtol=0.5 if smoothed else 1e-3)
 
 
 def test_gears_that_move_the_poles_come_back():

@@ -58,6 +58,30 @@ def test_a_model_reads_back_equal(folder, model):
     assert files.load(folder / "m.yaml") == model
 
 
+@pytest.mark.parametrize(("family", "noise"), [("arx", ()), ("armax", (0.6, -0.1)), ("oe", ())])
+def test_how_it_was_found_and_what_it_is_worth_stand_in_the_file(folder, family, noise):
+    model = Model(0.2, 1, 1, 3, (), (0.5, 1e-3, 0.0))
+    provenance = Provenance(
+        recordings=("a.csv, 0 to 60 s", "b.csv, 5 to 9 s"),
+        samples=320,
+        made_by="cruise identify --model oe6",
+        made_on="2026-11-21",
+        error_ahead_mps=0.0625,
+        horizon_s=3.0,
+        note="training data filtered at 1 Hz",
+    )
+    files.save(folder / "f.yaml", model, provenance, family, noise)
+    file = files.read(folder / "f.yaml")
+    assert (file.family, file.noise_parameters, file.provenance) == (family, noise, provenance)
+    assert files.load(folder / "f.yaml") == model, "they all drive as ARX"
+
+
+def test_a_file_from_before_there_were_families_is_arx(tmp_path):
+    (tmp_path / "old.yaml").write_text(GOOD)
+    file = files.read(tmp_path / "old.yaml")
+    assert (file.family, file.noise_parameters, file.provenance.error_ahead_mps) == ("arx", (), None)
+
+
 def test_the_delay_is_a_time_in_the_file(folder):
     model = Model(0.2, 1, 1, 3, (), (0.5, 1e-3, 0.0))
     files.save(folder / "t.yaml", model, Provenance())
@@ -115,6 +139,8 @@ MISTAKES = {
     "no input": ("nb: 2", "nb: 0", r":3: nb"),
     "order negative": ("na: 1", "na: -1", r":2: na"),
     "order beyond reason": ("na: 1", "na: 1000000000", r":2: na"),
+    "family unknown": ("period_s: 0.2", "family: narx\nperiod_s: 0.2", r":1: family: .*'narx'"),
+    "noise not a number": ("residual_std_mps: 0.02", "noise_parameters: [x]", r":10: noise_parameters"),
     "residual of nothing": ("residual_std_mps: 0.02", "residual_std_mps: 0.0", r":10: residual_std_mps"),
 }
 

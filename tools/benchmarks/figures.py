@@ -79,7 +79,8 @@ def show(name: str, part: Part, console: Console) -> None:
         table.add_column(heading, justify="right" if heading == "value" else "left")
     for figure in part.figures:
         style = {"met": "green", "missed": "bold red"}.get(figure.verdict, "")
-        table.add_row(figure.meaning, f"{figure.value:.4g}", figure.unit, figure.target, figure.verdict, style=style)
+        value = "-" if math.isnan(figure.value) else f"{figure.value:.4g}"
+        table.add_row(figure.meaning, value, figure.unit, figure.target, figure.verdict, style=style)
     console.print(table)
     if part.series:
         columns = Table(box=None, padding=(0, 1))

@@ -4,12 +4,10 @@
 
 over seeds, theta_0 the truth. Systems are simulated by hand, without the model: 120 s at 5 Hz, random steps of current;
 the filtered one 180 s at 20 Hz with noise of an AR(1) with pole 0.9, columns and target through the paper's filter.
-Beside it the time of fits and predictions on 60,000 and 20,000 samples.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from time import perf_counter
 
 import numpy as np
 from scipy import signal
@@ -22,7 +20,6 @@ from cruise.identification.families import Identified
 from cruise.identification.output_error import fit_output_error
 from cruise.identification.preparation import PreparationSettings, smoother
 from cruise.model.model import Model
-from cruise.model.prediction import ahead
 from cruise.recording import Recording
 from cruise.signals import INPUT, OUTPUT
 
@@ -32,8 +29,6 @@ SEEDS = tuple(range(200))
 PERIOD_S, SECONDS = 0.2, 120.0
 FAST_S, FILTERED_SECONDS = 0.05, 180.0
 WITHIN_AT_LEAST, RATIO_LOW, RATIO_HIGH = 0.95, 0.8, 1.2  # issue 3
-FEW_TIMES = 3  # runs of what takes long
-SLOWER_AT_MOST, AHEAD_MS_AT_MOST = 2.0, 10.0  # issue 3
 
 
 @dataclass(frozen=True)
@@ -147,7 +142,7 @@ def recovered(system: System, seeds: Sequence[int]) -> Recovery:
 
 
 def measure(seeds: Sequence[int] = SEEDS) -> Part:
-    """Every system, then times."""
+    """Every system."""
     figures = []
     for name, system in SYSTEMS.items():
         found = recovered(system, seeds)
@@ -166,44 +161,4 @@ def measure(seeds: Sequence[int] = SEEDS) -> Part:
             Figure(f"{name}_ratio_most", float(found.ratios.max()), "1", f"{text}: most", RATIO_HIGH),
             Figure(f"{name}_converged", found.converged, "1", f"{text}: searches that converged"),
         ]
-    return Part((*figures, *_times()), tuple(seeds))
-
-
-def _fastest_s(*calls: Callable[[], object], times: int = 15) -> list[float]:
-    """The shortest of several runs of each, in s; in turns, so that all see the same machine and the same heap."""
-    taken: list[list[float]] = [[] for _ in calls]
-    for _ in range(times):
-        for call, mine in zip(calls, taken, strict=True):
-            begin_s = perf_counter()
-            call()
-            mine.append(perf_counter() - begin_s)
-    return [min(mine) for mine in taken]
-
-
-def _times() -> list[Figure]:
-    rng, count = np.random.default_rng(0), 60_000
-    current = currents(rng, count)
-    poles = [1.0, -1.2, 0.35]
-    noise = filtered([1.0, 0.6], poles, 0.03 * rng.standard_normal(count))
-    long = recording(current, filtered([0.0, 0.0, *_B], poles, current) + noise)
-
-    def bare() -> np.ndarray:
-        first = _DELAY + 1
-        lags = [long.output[first - i : count - i] for i in (1, 2)]
-        lags += [current[first - j : count - j] for j in (_DELAY, _DELAY + 1)]
-        return np.linalg.lstsq(np.column_stack([*lags, np.ones(count - first)]), long.output[first:])[0]
-
-    part = long[:20_000]
-    one = Model(PERIOD_S, 1, 3, _DELAY, (), (0.9, 1e-4, 1e-4, 1e-4, 0.0))
-    bare_s, arx_s = _fastest_s(bare, lambda: fit_arx(_ARX, [long]))
-    (ahead_s,) = _fastest_s(lambda: ahead(one, part.input, part.output, {}, 60))
-    armax_s, oe_s = _fastest_s(
-        lambda: fit_armax(_ARX, 1, [long]), lambda: fit_output_error(_ARX, [long]), times=FEW_TIMES
-    )
-    return [
-        Figure("arx_over_numpy", arx_s / bare_s, "1", "ARX, 60,000 samples: over bare least squares", SLOWER_AT_MOST),
-        Figure("arx_ms", 1e3 * arx_s, "ms", "the same with its standard errors"),
-        Figure("ahead_ms", 1e3 * ahead_s, "ms", "60 steps ahead from 20,000 samples, na = 1", AHEAD_MS_AT_MOST),
-        Figure("armax_ms", 1e3 * armax_s, "ms", "ARMAX, 60,000 samples"),
-        Figure("output_error_ms", 1e3 * oe_s, "ms", "output error, 60,000 samples"),
-    ]
+    return Part(tuple(figures), tuple(seeds))

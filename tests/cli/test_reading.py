@@ -1,0 +1,87 @@
+"""Which columns, which model and which numbers the command line means."""
+
+import numpy as np
+import pytest
+
+from cruise.cli import reading
+from cruise.effects.dead_zone import DeadZone
+from cruise.identification.regressors import FitError
+from cruise.identification.structures import PRESETS, Family, parse
+from cruise.model import files
+from cruise.model.files import Provenance
+from cruise.model.model import Model
+from cruise.recording import Recording
+from cruise.settings import SettingsError
+from cruise.signals import INPUT, OUTPUT
+
+
+def test_a_name_a_structure_and_a_file_are_told_apart(tmp_path):
+    assert reading.model_named("arx10B") == (PRESETS["arx10B"], None)
+    written = "oe:nf=2,nb=1,delay_s=0.4+dead_zone"
+    assert reading.model_named(written) == (parse(written), None)
+    model = Model(0.1, 1, 2, 3, (DeadZone(400.0),), (0.5, 1e-4, 1e-4, 0.0))
+    files.save(tmp_path / "m.yaml", model, Provenance(), "armax", (0.3, 0.1))
+    structure, start = reading.model_named(str(tmp_path / "m.yaml"))
+    assert (structure.family, structure.na, structure.nb, structure.nc) == (Family.ARMAX, 1, 2, 2)
+    assert structure.delay_s == pytest.approx(0.3)
+    assert structure.effects == ("dead_zone",)
+    assert start == model
+
+
+def test_a_file_that_is_not_there_is_no_misspelt_name(tmp_path):
+    with pytest.raises(SettingsError, match="no such file"):
+        reading.model_named(str(tmp_path / "none.yaml"))
+    with pytest.raises(FitError, match="did you mean arx10B"):
+        reading.model_named("arx10b")
+
+
+def test_the_command_line_names_columns_over_the_settings(tmp_path):
+    path = tmp_path / "columns.yaml"
+    path.write_text("input: amps\noutput: speed\ntime: t\n")
+    read = reading.columns_of(path, None, "radar")
+    assert (read.time, read.input, read.output) == ("t", "amps", "radar")
+    plain = reading.columns_of(None, None, None)
+    assert (plain.input, plain.output) == (INPUT, OUTPUT)
+
+
+def test_the_period_is_what_is_said_else_the_file_s_else_5_hz():
+    model = Model(0.1, 1, 1, 0, (), (0.5, 1e-4, 0.0))
+    assert reading.prepared_by(None, 1.0, None).period_s == 0.2
+    assert reading.prepared_by(None, 1.0, model).period_s == 0.1
+    assert reading.prepared_by(0.05, 0.0, model).period_s == 0.05
+    assert reading.prepared_by(0.05, 0.0, model).cutoff_hz == 0.0
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_time_is_above_zero(value):
+    with pytest.raises(SettingsError, match=r"--period .*: give a time in s above 0"):
+        reading.prepared_by(value, 1.0, None)
+    with pytest.raises(SettingsError, match=r"--horizon"):
+        reading.above_zero("--horizon", value)
+
+
+@pytest.mark.parametrize("value", [-1.0, float("nan"), float("inf")])
+def test_a_cut_off_is_a_frequency_or_0(value):
+    with pytest.raises(SettingsError, match=r"--cutoff .*: give a frequency in Hz, or 0"):
+        reading.prepared_by(0.2, value, None)
+
+
+def test_where_a_file_goes_is_made_or_refused_before_the_work(tmp_path):
+    path = tmp_path / "new" / "deep" / "p.PNG"
+    assert reading.destination("--picture", path, reading.PICTURES) == path
+    assert path.parent.is_dir()
+    with pytest.raises(SettingsError, match=r"--picture p\.txt: let the name end in \.png or \.svg or \.pdf"):
+        reading.destination("--picture", type(path)("p.txt"), reading.PICTURES)
+    (tmp_path / "d.png").mkdir()
+    with pytest.raises(SettingsError, match="is a folder"):
+        reading.destination("--picture", tmp_path / "d.png", reading.PICTURES)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(SettingsError, match="the folder can't be made"):
+        reading.destination("--picture", tmp_path / "file" / "p.png", reading.PICTURES)
+
+
+def test_notes_stand_under_their_files_and_one_thing_is_no_plural():
+    time_s = 0.2 * np.arange(20)
+    one = Recording(time_s, {INPUT: time_s, OUTPUT: time_s}, 0.2, "/deep/folder/a.csv", ("gap of 3 s", "1 row lost"))
+    assert reading.notes_of([one, one]) == ["a.csv: gap of 3 s", "a.csv: 1 row lost"] * 2
+    assert [reading.count_of(n, "recording") for n in (0, 1, 2)] == ["0 recordings", "1 recording", "2 recordings"]

@@ -15,6 +15,7 @@ from cruise.plant.engine import RADPS_PER_RPM
 from cruise.plant.inputs import Inputs
 from cruise.plant.line import M3PS_PER_LPM, PA_PER_BAR, Line
 from cruise.plant.oil import Oil
+from cruise.plant.road import Road
 from cruise.plant.settings import PlantSettings, inputs_with_effects, with_effects
 from cruise.plant.state import State, Truth
 from cruise.plant.vehicle import GRAVITY_MPS2, Wheels
@@ -28,6 +29,7 @@ class Combine:
     """A combine harvester on its wheels, at standstill with a running engine at time zero."""
 
     def __init__(self, settings: PlantSettings, seed: int) -> None:
+        self._seed = seed
         self._configure(settings)
         parameters = self._parameters
         rated_radps = parameters.engine.rated_speed_rpm * RADPS_PER_RPM
@@ -44,6 +46,7 @@ class Combine:
             pump_flow_m3ps=0.0,
             line_pressure_pa=0.0,
             ground_speed_mps=0.0,
+            travel_m=0.0,
             wheel_speed_mps=0.0,
             acceleration_mps2=0.0,
             shaft_speed_radps=0.0,
@@ -76,11 +79,12 @@ class Combine:
         state.inputs = inputs = inputs_with_effects(parameters, inputs)
         self._shift(vehicle.shaft_per_travel_radpm(parameters.transmission, inputs.gear, inputs.clutch))
         wheels = self._wheels()
-        filling = inputs.grain_flow_kgps != 0.0
+        filling, rolling = inputs.grain_flow_kgps != 0.0, bool(self._road.waves)
         readings: list[Reading] = []
         for _ in range(floor(until_s / step_s + GRID_TOLERANCE) - state.step):
             if filling:
                 self._fill(inputs.grain_flow_kgps * step_s)
+            if filling or rolling:
                 wheels = self._wheels()
             self._step(wheels)
             state.history.append(self._shown())
@@ -116,7 +120,7 @@ class Combine:
             oil_temperature_c=state.oil_temperature_c,
             machine_mass_kg=self._mass_kg(),
             gear=state.inputs.gear,
-            grade_deg=state.inputs.grade_deg,
+            grade_deg=self._grade_deg(),
             pitch_deg=self._pitch_deg(),
         )
 
@@ -127,6 +131,7 @@ class Combine:
         self._parameters = parameters
         self._sensors = sensors.sensors(parameters.sensors)
         self._shaft = vehicle.shaft(parameters.transmission)
+        self._road = Road.of(parameters.road, self._seed)
         self._line = Line.of(parameters.line, Oil.of(parameters.oil))
         self._pump_m3_per_rad = pump.displacement_m3_per_rad(parameters.pump) * parameters.pump.speed_ratio
 
@@ -172,6 +177,7 @@ class Combine:
         )
         state.line_pressure_pa = turned.pressure_pa
         speed_mps = turned.speed if coupled else line.coast(wheels, state.ground_speed_mps, step_s)
+        state.travel_m += 0.5 * (state.ground_speed_mps + speed_mps) * step_s
         state.acceleration_mps2 = (speed_mps - state.ground_speed_mps) / step_s
         state.ground_speed_mps = speed_mps
         state.wheel_speed_mps = wheels.wheel_speed_mps(state.line_pressure_pa, speed_mps)
@@ -203,10 +209,13 @@ class Combine:
             self._parameters.transmission,
             self.state.shaft_per_travel_radpm,
             self._mass_kg(),
-            inputs.grade_deg,
+            self._grade_deg(),
             inputs.rolling_resistance,
             inputs.brake,
         )
+
+    def _grade_deg(self) -> float:
+        return self.state.inputs.grade_deg + self._road.slope_deg(self.state.travel_m)
 
     def _mass_kg(self) -> float:
         return self._parameters.vehicle.mass_kg + self.state.grain_kg
@@ -220,7 +229,7 @@ class Combine:
 
     def _pitch_deg(self) -> float:
         felt = self._parameters.sensors.pitch_inertia_share * self.state.acceleration_mps2
-        return self.state.inputs.grade_deg + degrees(atan(felt / GRAVITY_MPS2))
+        return self._grade_deg() + degrees(atan(felt / GRAVITY_MPS2))
 
     def _shown(self) -> tuple[float, ...]:
         """What the sensors look at, in the order of `sensors.TRUTH`."""

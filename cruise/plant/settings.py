@@ -18,6 +18,7 @@ from cruise.plant.inputs import Inputs
 from cruise.plant.line import LineSettings
 from cruise.plant.oil import OilSettings
 from cruise.plant.pump import PumpSettings
+from cruise.plant.road import RoadSettings
 from cruise.plant.sensors import ChannelSettings, DriveFeedbackSettings, SensorsSettings
 from cruise.plant.solenoid import SolenoidSettings
 from cruise.plant.vehicle import TransmissionSettings, VehicleSettings
@@ -76,6 +77,7 @@ class PlantSettings(Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     line: LineSettings = LineSettings()
     transmission: TransmissionSettings = TransmissionSettings()
     vehicle: VehicleSettings = VehicleSettings()
+    road: RoadSettings = RoadSettings()
     sensors: SensorsSettings = SensorsSettings()
 
 
@@ -87,6 +89,7 @@ def with_effects(settings: PlantSettings) -> PlantSettings:
     second = transmission.gear_ratio[SECOND]
     return structs.replace(
         settings,
+        road=structs.replace(settings.road, undulation_deg=settings.road.undulation_deg * e.grade),
         solenoid=structs.replace(settings.solenoid, regulated_lag_s=settings.solenoid.regulated_lag_s * e.solenoid_lag),
         hysteresis=structs.replace(settings.hysteresis, half_width_ma=settings.hysteresis.half_width_ma * e.hysteresis),
         pump=structs.replace(

@@ -21,6 +21,7 @@ class State:
     pump_flow_m3ps: float
     line_pressure_pa: float
     ground_speed_mps: float
+    travel_m: float
     wheel_speed_mps: float
     acceleration_mps2: float
     shaft_speed_radps: float

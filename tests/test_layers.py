@@ -24,6 +24,7 @@ ROWS = (
     "plant",
     "can",
     "service",
+    "paper",
     "workbench",
     "cli",
 )

@@ -5,7 +5,7 @@ from importlib import import_module
 
 import typer
 
-VERBS = ("demo", "run", "plant", "record", "replay", "experiment", "explore", "identify", "orders")
+VERBS = ("demo", "run", "plant", "record", "replay", "experiment", "explore", "identify", "orders", "paper")
 """Every verb is the function of its name in the module of its name, imported when it is called for: start-up counts."""
 
 
@@ -32,6 +32,11 @@ def main() -> None:
         app()
     except (SettingsError, RecordingError, LogError, FitError) as error:
         print(f"cruise: {error}", file=sys.stderr)
+        sys.exit(2)
+    except OSError as error:
+        if error.filename is None:  # not about a file of the user's
+            raise
+        print(f"cruise: {error.filename}: {error.strerror}", file=sys.stderr)
         sys.exit(2)
     except BusLostError as error:
         print(f"cruise: {error}", file=sys.stderr)

@@ -11,7 +11,17 @@ from rich.console import Console
 
 from cruise.cli import explore_picture
 from cruise.cli.places import OUT
-from cruise.cli.reading import AsJson, Columns, InputName, OutputName, Recordings, columns_of, tables
+from cruise.cli.reading import (
+    PICTURES,
+    AsJson,
+    Columns,
+    InputName,
+    OutputName,
+    Recordings,
+    columns_of,
+    destination,
+    tables,
+)
 from cruise.identification import explore as analyses
 from cruise.recording import ColumnSettings, RecordingSettings
 
@@ -34,9 +44,9 @@ def explore(
     as_json: AsJson = False,
 ) -> None:
     """Say what recordings hold: response, delay, static curve, excitation and the quality of the data."""
+    destination("--picture", picture, PICTURES)
     read = columns_of(columns, input_name, output_name)
     found = analyses.explore(tables(recordings, read, period), [_raw_times(path, read) for path in recordings])
-    picture.parent.mkdir(parents=True, exist_ok=True)
     drawn = explore_picture.draw(found, picture)
     if as_json:
         print(json.dumps({**found.report(), "picture": str(drawn)}, indent=2))

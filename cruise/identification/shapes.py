@@ -27,6 +27,7 @@ Shape = tuple[str, str]
 
 HORIZON_S: Final = 3.0  # s, the paper's (section II.B)
 NO_DIFFERENCE: Final = 1e-9  # relative, of the error: rounding
+SWEEPS: Final = 2  # over all that are looked for, before they are refined together
 GRID: Final = 17  # points over the bounds of a parameter: closer than half the width of the valleys met so far
 
 
@@ -89,13 +90,13 @@ def fit_shapes(
         return error if math.isfinite(error) else math.inf
 
     shaped(start)  # recordings that can't determine the model at all are refused here, with the reason
-    for i, ((name, parameter), bound) in enumerate(zip(shapes, bounds, strict=True)):
-        if getattr(effects[name], parameter) != bound.neutral:
-            continue
+    unknown = [i for i, bound in enumerate(bounds) if start[i] * size[i] == bound.neutral]
+    for i in unknown * SWEEPS:  # again: a saturation shows only once the dead zone is there
+        name, parameter = shapes[i]
         if show is not None:
             show(f"looking for {parameter} of {name}")
         trials = [start.copy() for _ in range(GRID + 1)]
-        for trial, value in zip(trials[1:], np.linspace(bound.low, bound.high, GRID), strict=True):
+        for trial, value in zip(trials[1:], np.linspace(bounds[i].low, bounds[i].high, GRID), strict=True):
             trial[i] = value / size[i]
         start = min(trials, key=error_mps)
     if show is not None:

@@ -1,0 +1,167 @@
+"""Tables I to VI, computed from the recordings of one seed.
+
+    explained = 1 - mean((y - y_hat)^2) / var(y)
+
+y unfiltered measured speed, y_hat its prediction 3 s ahead. What we took where the paper leaves it open: the
+Butterworth filter runs forward and back; the validation input is filtered like the training input, the measured speed
+never is (unfiltered, the three-tap models would explain nothing); 5 Hz samples are means over 0.2 s; a delay of 0.5 s
+is 2 samples of 5 Hz (with 3, arx8 would explain as much there as arx7); the transformation B is the static curve of the
+slow ramp, applied before the filter; a bias counts as unexplained, so that models without feedback pay for it on steps;
+the gain of Table VI is mean speed over mean current. "-" stands for a predictor with a pole on or outside the unit
+circle, or one that explains less than nothing.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from cruise.effects import Effect, over
+from cruise.identification.accuracy import accuracy
+from cruise.identification.families import Identified
+from cruise.identification.identify import fit_family
+from cruise.identification.output_error import OutputError
+from cruise.identification.preparation import PreparationSettings, at_period, smoother
+from cruise.identification.regressors import Smooth
+from cruise.identification.shapes import fit_shapes
+from cruise.identification.structures import PRESETS, parse
+from cruise.identification.whiteness import Whiteness, whiteness
+from cruise.model.prediction import lagged
+from cruise.paper.published import Published
+from cruise.paper.records import Records
+from cruise.recording import Recording
+from cruise.signals import INPUT, OUTPUT
+
+RATES_HZ: Final = (20.0, 5.0)
+HORIZON_S: Final = 3.0
+RAMP_SHAPES: Final = (
+    ("saturation", "full_stroke_ma"),
+    ("dead_zone", "threshold_ma"),
+    ("quadratic_gain", "curvature"),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """One number of a table beside the published one; None is the paper's "-"."""
+
+    table: str
+    model: str
+    rate_hz: float
+    published: float | None
+    ours: float | None
+
+    @property
+    def key(self) -> tuple[str, str, float]:
+        """Which cell it is."""
+        return self.table, self.model, self.rate_hz
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """All models of one rate, and how recordings are made ready for them."""
+
+    rate_hz: float
+    models: Mapping[str, Identified]
+    effects: tuple[Effect, ...]  # the transformation B
+    smooth: Smooth
+    unseen: Recording
+    steps: Recording
+
+    def ready(self, name: str, recording: Recording) -> Recording:
+        """A recording of 20 Hz as a model is judged on it: current transformed (B), at this rate and filtered."""
+        return ready(recording, self.effects if PRESETS[name].effects else (), self.rate_hz, self.smooth)
+
+    def ahead(self, name: str, recording: Recording, horizon_s: float = HORIZON_S) -> tuple[Recording, np.ndarray]:
+        """The recording as it was judged, and its speeds (N,) in m/s as predicted before."""
+        judged, model = self.ready(name, recording), self.models[name]
+        seen = judged
+        if isinstance(model, OutputError):  # it uses no measured speed but to start from: from rest about the mean
+            rest = np.full(len(judged), judged.output.mean())
+            seen = replace(judged, columns={**judged.columns, OUTPUT: rest})
+        horizon = max(round(horizon_s * self.rate_hz), 1)
+        said = model.ahead(seen, horizon)
+        said[: 2 * horizon] = np.nan  # the same samples for all models, whatever they need to start
+        return judged, said
+
+    def explained_pct(self, name: str, recording: Recording) -> float | None:
+        """Performance 3 s ahead on a recording of 20 Hz; None for an unstable predictor."""
+        if self.models[name].unstable:
+            return None
+        explained = variation_explained_pct(*self.ahead(name, recording))
+        return explained if explained >= 0.0 else None
+
+    def residual_whiteness(self, name: str) -> Whiteness:
+        """Of the one-step residuals on unseen noise."""
+        judged, said = self.ahead(name, self.unseen, horizon_s=0.0)
+        return whiteness([judged.output - said])
+
+
+def ready(
+    recording: Recording, effects: tuple[Effect, ...], rate_hz: float, smooth: Smooth, output: bool = False
+) -> Recording:
+    """`recording` with its current transformed, then at `rate_hz`, then filtered; with `output` the speed as well."""
+    drive, speed = recording.input, lagged(recording.output, 1)
+    for effect in effects:
+        drive, _ = over(effect, drive, speed, {}, recording.dt_s)
+    transformed = replace(recording, columns={**recording.columns, INPUT: drive})
+    (slower,) = at_period([transformed], 1.0 / rate_hz)
+    filtered = {INPUT: smooth(slower.input), OUTPUT: smooth(slower.output) if output else slower.output}
+    return replace(slower, columns={**slower.columns, **filtered})
+
+
+def variation_explained_pct(recording: Recording, predicted_mps: np.ndarray) -> float:
+    """The percentage of the variation that a prediction (N,) explains; a bias counts as unexplained."""
+    judged = accuracy([recording.output], [predicted_mps])
+    return 100.0 * (1.0 - (1.0 - 0.01 * judged.nrmse_pct) ** 2)
+
+
+def static_effects(ramp: Recording, delay_s: float) -> tuple[Effect, ...]:
+    """The transformation B: dead zone, quadratic middle and saturation that the slow ramp shows (section IV.C)."""
+    structure = parse("arx:na=0,nb=1,delay_s=0+" + "+".join(PRESETS["arx10B"].effects))
+    model = replace(structure.model(ramp.dt_s), delay=round(delay_s / ramp.dt_s))
+    return fit_shapes(model, [ramp], RAMP_SHAPES, HORIZON_S).effects
+
+
+def fit_all(records: Records, rate_hz: float, effects: tuple[Effect, ...]) -> Fitted:
+    """Every model of Tables I to IV, and the ARMAX model of the text, at one rate."""
+    smooth = smoother(PreparationSettings(period_s=1.0 / rate_hz), 1.0 / rate_hz)
+    assert smooth is not None
+    plain, transformed = (ready(records.noise, chain, rate_hz, smooth, output=True) for chain in ((), effects))
+    models = {
+        name: fit_family(
+            structure,
+            replace(structure.model(1.0 / rate_hz), effects=()),
+            [transformed if structure.effects else plain],
+            _as_it_is,
+        )
+        for name, structure in PRESETS.items()
+    }
+    return Fitted(rate_hz, models, effects, smooth, records.unseen, records.steps)
+
+
+def _as_it_is(values: np.ndarray) -> np.ndarray:
+    """The filter of data that are filtered already: the fits then know that columns are nearly collinear."""
+    return values
+
+
+def cells(records: Records, fitted: Mapping[float, Fitted], published: Published) -> Iterator[Cell]:
+    """All cells of Tables I to VI."""
+    for table, rows in published.explained_pct.items():
+        for name, printed in rows.items():
+            for rate_hz, value in zip(RATES_HZ, printed, strict=True):
+                judged = fitted[rate_hz]
+                yield Cell(table, name, rate_hz, value, judged.explained_pct(name, judged.unseen))
+    first = fitted[RATES_HZ[0]]
+    for name, value in published.steps_explained_pct.items():
+        yield Cell("V", name, RATES_HZ[0], value, first.explained_pct(name, first.steps))
+    gains = [float(np.mean(record.output) / np.mean(record.input)) for _, record in records.gains]
+    level = next(
+        gain
+        for (row, _), gain in zip(records.gains, gains, strict=True)
+        if row.gain_pct == 100.0 and row.grade_deg == 0.0
+    )
+    for (row, _), gain in zip(records.gains, gains, strict=True):
+        name = f"{row.grade_deg:+.1f} deg, {row.machine_mass_kg:g} kg"
+        yield Cell("VI", name, RATES_HZ[0], row.gain_pct, 100.0 * gain / level)

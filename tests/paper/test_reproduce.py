@@ -103,7 +103,7 @@ def short(setting: records.Setting) -> records.Setting:
     return records.Setting(setting.plant, shorter)
 
 
-def test_one_short_seed_fills_every_cell_and_statement_and_comes_back_equal():
+def test_one_short_seed_fills_every_cell_and_statement():
     setting = short(records.load(FOLDER))
     first = run_seed(setting, PUBLISHED, 7)
     assert len(first.run.cells) == 2 * 22 + 6 + 9
@@ -112,7 +112,7 @@ def test_one_short_seed_fills_every_cell_and_statement_and_comes_back_equal():
         assert by_key["I", "arx7", rate_hz].ours == pytest.approx(by_key["II", "oe6", rate_hz].ours, rel=1e-9)
     level = by_key["VI", "+0.0 deg, 15700 kg", 20.0]
     uphill = by_key["VI", "+4.4 deg, 17200 kg", 20.0]
-    assert level.ours == 100.0
+    assert level.ours == pytest.approx(100.0)
     assert uphill.ours is not None
     assert uphill.ours < 99.0
     assert {one.figure for one in first.run.statements} == {"2", "3", "4", "5", "IV.B.2", "6", "7"}

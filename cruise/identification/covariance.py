@@ -11,14 +11,11 @@ of q stands out of what chance gives, with chance after Bartlett:
 
     |r(l)| > c sqrt(log10 N / N (1 + 2 sum_(i<l) r(i)^2))
 
-Where few rows decide, the error is known no better than from few samples: nu_j = (sum q^2)^2 / sum q^4 degrees of
-freedom, by nu / (nu - 2) of which the variance of a t distribution is larger (Satterthwaite).
-
 Filtered data make the correction for small samples large: what counts are not N rows but the independent ones among
 them, N_e = N / (1 + 2 sum_l r_e(l)^2). Sources: W. K. Newey, K. D. West, Econometrica 55 (1987) 703; J. G. MacKinnon,
-H. White, J. Econometrics 29 (1985) 305 (leverage); F. E. Satterthwaite, Biometrics Bulletin 2 (1946) 110; D. N.
-Politis, J. P. Romano, J. Time Series Analysis 16 (1995) 67 (flat top); D. N. Politis, Econometric Reviews 22 (2003) 73
-(rule for m); M. S. Bartlett, J. Royal Statistical Society B 8 (1946) 27; E. Parzen, Ann. Math. Stat. 32 (1961) 951.
+H. White, J. Econometrics 29 (1985) 305 (leverage); D. N. Politis, J. P. Romano, J. Time Series Analysis 16 (1995) 67
+(flat top); D. N. Politis, Econometric Reviews 22 (2003) 73 (rule for m); M. S. Bartlett, J. Royal Statistical Society
+B 8 (1946) 27; E. Parzen, Ann. Math. Statistics 32 (1961) 951.
 """
 
 from collections.abc import Sequence
@@ -30,7 +27,6 @@ LOUD: Final = 2.0  # c for the first correlation that stands out (Politis 2003):
 GOES_ON: Final = 1.4  # c once one did: measured with AR(1) noise of pole 0.8 to 0.97, where 2 cuts the tail off
 QUIET_LAGS: Final = 5  # so many lags in a row within chance end the search (Politis 2003), and half of m at least
 GREATEST_LEVERAGE: Final = 0.95  # a row that decides a parameter alone says nothing of its own noise
-LEAST_FREEDOM: Final = 4.0  # then the errors are doubled in variance: fewer rows than that tell nothing
 LONGEST_SHARE: Final = 8  # lags beyond N / 8 are known from too few independent pairs
 LEAST_FACTOR: Final = 0.5  # floor of a small-sample denominator: beyond it the record is too short for any correction
 
@@ -44,10 +40,7 @@ def standard_errors(
     leverage = np.einsum("nk,kn->k", influence, gradient)
     influence *= residual / (1.0 - np.minimum(leverage, GREATEST_LEVERAGE))
     apart = _piece_of(pieces, count)
-    power = influence * influence
-    sums = [power.sum(axis=1)]
-    fourth = np.einsum("nk,nk->n", power, power)
-    decisive = np.maximum(sums[0] ** 2 / np.where(fourth > 0.0, fourth, 1.0), LEAST_FREEDOM)
+    sums = [np.einsum("nk,nk->n", influence, influence)]
     reach = _reach(sums, influence, apart)
     flat = _flat_top(reach)
     _extend(sums, len(flat), influence, apart)
@@ -61,7 +54,7 @@ def standard_errors(
     independent = count / (1.0 + 2.0 * sum((float(late @ early) / energy) ** 2 for late, early in pairs))
     covered = 2.0 * float(np.sum(flat * (1.0 - np.arange(len(flat)) / count))) - 1.0  # q sums to 0: what w takes away
     correction = max(1.0 - size / independent, LEAST_FACTOR) * max(1.0 - covered / count, LEAST_FACTOR)
-    return np.sqrt(variance / correction * decisive / (decisive - 2.0))
+    return np.sqrt(variance / correction)
 
 
 def _piece_of(pieces: Sequence[slice], count: int) -> np.ndarray | None:

@@ -122,8 +122,8 @@ def _table(title: str, rows: list[Row]) -> Table:
     table = Table(box=box.SIMPLE_HEAD, title=title, title_justify="left")
     table.add_column("")
     for rate_hz in rates_hz:
-        for heading in (f"published {rate_hz:g} Hz", "ours", "difference"):
-            table.add_column(heading, justify="right")
+        for heading in (f"{rate_hz:g} Hz paper", "ours", "off"):
+            table.add_column(heading, justify="right", no_wrap=heading != f"{rate_hz:g} Hz paper")
     for model in dict.fromkeys(row.model for row in rows):
         texts = []
         for rate_hz in rates_hz:
@@ -139,6 +139,6 @@ def _number(value: float | None) -> str:
 
 def _ours(row: Row) -> str:
     if row.ours is None:
-        return f"- ({row.unstable_pct:.0f} %)"
-    some = f" ({row.unstable_pct:.0f} % -)" if row.unstable_pct else ""
-    return f"{row.ours:.1f} +- {row.spread:.1f}{some}"
+        return f"- in {row.unstable_pct:.0f}%"
+    some = f" (- in {row.unstable_pct:.0f}%)" if row.unstable_pct else ""
+    return f"{row.ours:.1f}±{row.spread:.1f}{some}"

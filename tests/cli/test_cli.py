@@ -11,20 +11,6 @@ from cruise.can.log import read_log
 from cruise.cli.places import CONFIG
 
 
-@pytest.fixture
-def cruise(monkeypatch, capsys):
-    """Run one command line; returns its exit code and what it printed on both streams."""
-
-    def run(*words: object) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["cruise", *(str(word) for word in words)])
-        with pytest.raises(SystemExit) as ended:
-            cli.main()
-        printed = capsys.readouterr()
-        return int(ended.value.code or 0), printed.out, printed.err
-
-    return run
-
-
 @pytest.fixture(scope="module")
 def driven(tmp_path_factory):
     """A short demo, twice with the same seed and once with another: folder and the three JSON texts."""
@@ -58,8 +44,8 @@ def test_the_json_holds_the_figures_and_no_nan(driven):
     assert report["frame_faults"] == {}
 
 
-def test_the_demo_leaves_a_picture_and_a_log(cruise, tmp_path):
-    code, out, err = cruise("demo", "--headless", "--seconds", "25", "--out", tmp_path)
+def test_the_demo_leaves_a_picture_and_a_log(verb, tmp_path):
+    code, out, err = verb("demo", "--headless", "--seconds", "25", "--out", tmp_path)
     assert code == 0
     assert (tmp_path / "demo-1.png").read_bytes().startswith(b"\x89PNG")
     assert "rms_error_mps" in out
@@ -67,9 +53,9 @@ def test_the_demo_leaves_a_picture_and_a_log(cruise, tmp_path):
     assert sum(1 for _ in read_log(tmp_path / "demo-1.log")) > 5000
 
 
-def test_a_replayed_log_teaches_what_the_drive_taught(cruise, driven):
+def test_a_replayed_log_teaches_what_the_drive_taught(verb, driven):
     folder, text = driven[0]
-    code, out, _ = cruise("replay", folder / "demo-4.log", "--json")
+    code, out, _ = verb("replay", folder / "demo-4.log", "--json")
     assert code == 0
     replayed, drove = json.loads(out)["parameters"], json.loads(text)["parameters"]
     # A candump log rounds time to a microsecond; nothing else may differ.
@@ -77,14 +63,14 @@ def test_a_replayed_log_teaches_what_the_drive_taught(cruise, driven):
 
 
 @pytest.mark.parametrize("step_s", [3.0e8, -3600.0, 7200.0])
-def test_a_clock_that_was_set_in_the_middle_of_a_log_is_a_pause(cruise, driven, tmp_path, step_s):
+def test_a_clock_that_was_set_in_the_middle_of_a_log_is_a_pause(verb, driven, tmp_path, step_s):
     lines = (driven[0][0] / "demo-4.log").read_text().splitlines()
     moved = []
     for k, line in enumerate(lines):
         stamp, rest = line[1:].split(")", 1)
         moved.append(f"({float(stamp) + 5000.0 + (step_s if k > len(lines) // 2 else 0.0):.6f}){rest}")
     (tmp_path / "set.log").write_text("\n".join(moved) + "\n")
-    code, out, _ = cruise("replay", tmp_path / "set.log", "--json")
+    code, out, _ = verb("replay", tmp_path / "set.log", "--json")
     assert code == 0
     report = json.loads(out)
     assert "taken as a pause of 5 s" in report["notes"][0]
@@ -92,10 +78,10 @@ def test_a_clock_that_was_set_in_the_middle_of_a_log_is_a_pause(cruise, driven, 
     assert 200 <= report["samples"] <= 240  # 40 s and the pause, at 5 Hz
 
 
-def test_what_was_learned_can_be_saved_and_started_from(cruise, driven, tmp_path):
+def test_what_was_learned_can_be_saved_and_started_from(verb, driven, tmp_path):
     log, saved = driven[0][0] / "demo-4.log", tmp_path / "learned.yaml"
-    assert cruise("replay", log, "--save", saved)[0] == 0
-    code, out, _ = cruise("replay", log, "--model", saved, "--test", log, "--json")
+    assert verb("replay", log, "--save", saved)[0] == 0
+    code, out, _ = verb("replay", log, "--model", saved, "--test", log, "--json")
     assert code == 0
     judged = json.loads(out)["test"]
     assert judged["online_mps"] < 0.5 * judged["persistence_mps"]
@@ -133,7 +119,7 @@ GOOD = "".join(f"{k / 10},{500 + 10 * k},{k / 100}\n" for k in range(60))
         (("record", "text.log", "--config", "virtual.yaml"), "text.log: is there already and is not overwritten"),
     ],
 )
-def test_a_mistake_gets_one_clear_line(cruise, tmp_path, monkeypatch, words, says):
+def test_a_mistake_gets_one_clear_line(verb, tmp_path, monkeypatch, words, says):
     monkeypatch.chdir(tmp_path)
     table(tmp_path / "t.csv", GOOD)
     table(tmp_path / "back.csv", GOOD + "1.0,500,0.1\n")
@@ -154,26 +140,26 @@ def test_a_mistake_gets_one_clear_line(cruise, tmp_path, monkeypatch, words, say
     (tmp_path / "bad_model.yaml").write_text(model.read_text().replace("dead_zone", "dead_zon"))
     (tmp_path / "model.yaml").write_text(settings.replace(str(model), "bad_model.yaml"))
     (tmp_path / "bad_drive.yaml").write_text("seconds: 10.0\nfield:\n  - {at_s: 0.0, grade: 3.0}\n")
-    code, _, err = cruise(*words)
+    code, _, err = verb(*words)
     assert code == 2
     assert says in err
     assert "Traceback" not in err
 
 
-def test_nan_and_gaps_are_said_and_not_learned_from(cruise, tmp_path):
+def test_nan_and_gaps_are_said_and_not_learned_from(verb, tmp_path):
     rows = [f"{k / 10},{600 + 200 * (k // 30 % 2)},{0.5 + 0.3 * (k // 30 % 2)}" for k in range(300)]
     rows[50] = "5.0,nan,0.5"
     rows = rows[:100] + rows[160:]
     path = table(tmp_path / "holes.csv", "\n".join(rows) + "\n")
     words = ("replay", path, "--input", "amps", "--output", "speed", "--config", CONFIG / "dart.yaml", "--json")
-    code, out, _ = cruise(*words)
+    code, out, _ = verb(*words)
     assert code == 0
     notes = " ".join(json.loads(out)["notes"])
     assert "1 of 240 cells hold no number" in notes
     assert "gap of 6.1 s" in notes
 
 
-def test_run_stops_with_neutral_on_a_signal(cruise, tmp_path, monkeypatch):
+def test_run_stops_with_neutral_on_a_signal(verb, tmp_path, monkeypatch):
     from cruise.can.bus import LocalBus
     from cruise.cli import run
 
@@ -185,20 +171,20 @@ def test_run_stops_with_neutral_on_a_signal(cruise, tmp_path, monkeypatch):
     for name in ("factory_model.yaml", "cruise.dbc", "cruise.eds"):
         text = text.replace(f" {name}", f" {CONFIG / name}")
     (tmp_path / "cruise.yaml").write_text(text + f"\ndictionary: {CONFIG / 'cruise.eds'}\n")
-    code, _, err = cruise("run", tmp_path / "cruise.yaml")
+    code, _, err = verb("run", tmp_path / "cruise.yaml")
     assert code == 0
     assert "neutral sent" in err
     assert len(sent) > 10
 
 
-def test_help_names_every_verb(cruise):
-    code, out, _ = cruise("--help")
+def test_help_names_every_verb(verb):
+    code, out, _ = verb("--help")
     assert code == 0
     for verb in cli.VERBS:
         assert verb in out
 
 
-def test_a_bus_that_disappears_ends_the_service_with_one_clear_line(cruise, tmp_path, monkeypatch):
+def test_a_bus_that_disappears_ends_the_service_with_one_clear_line(verb, tmp_path, monkeypatch):
     from cruise.can.bus import BusLostError, LocalBus
 
     def gone(self, *_):
@@ -207,7 +193,7 @@ def test_a_bus_that_disappears_ends_the_service_with_one_clear_line(cruise, tmp_
     monkeypatch.setattr(LocalBus, "receive", gone)
     text = f"model: {CONFIG / 'factory_model.yaml'}\ndatabase: {CONFIG / 'cruise.dbc'}\ncan: {{bus: virtual}}\n"
     (tmp_path / "cruise.yaml").write_text(text)
-    code, _, err = cruise("run", tmp_path / "cruise.yaml")
+    code, _, err = verb("run", tmp_path / "cruise.yaml")
     assert code == 3
     assert "the interface went away" in err
     assert "Traceback" not in err

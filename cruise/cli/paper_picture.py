@@ -106,6 +106,7 @@ def _gear(axis, found: Reproduction, gear: int) -> None:
     axis.plot(record.time_s, paced, color=RED, lw=1.1, label="acceleration too")
     axis.set(xlabel="time (s)", ylabel="ground speed (m/s)" if gear == GEARS[0] else "", xlim=(0.0, SHOWN_S))
     if gear == GEARS[0]:
+        axis.set_ylim(top=1.6 * float(np.nanmax(record.output)))  # room for the legend above the curves
         axis.legend(fontsize="small", loc="upper left")
     axis.grid(alpha=0.3)
 

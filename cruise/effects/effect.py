@@ -4,6 +4,7 @@ An effect is a frozen dataclass whose fields are its shape parameters. Its `step
 lines serve a float online and an array of start points when a recording is predicted from every sample at once.
 """
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -81,9 +82,16 @@ class Effect(ABC):
 
     name: ClassVar[str]
     stage: ClassVar[Stage]
-    needs: ClassVar[tuple[str, ...]]
+    needs: ClassVar[tuple[str, ...]]  # signals without which it says nothing
+    helps: ClassVar[tuple[str, ...]] = ()  # signals that it uses where they are measured, and does without elsewhere
+    reads_speed: ClassVar[bool] = False  # whether `past_speed` matters to it
     parameters: ClassVar[Mapping[str, Parameter]]
     about: ClassVar[About]
+    acts_as: ClassVar[Stage]  # the stage at whose place in the equation it stands: its own, unless it names another
+
+    def __init_subclass__(cls) -> None:
+        if "stage" in vars(cls) and "acts_as" not in vars(cls):
+            cls.acts_as = cls.stage
 
     def reshaped(self, **shape: float) -> Self:
         """The same effect with other shape parameters."""
@@ -98,9 +106,16 @@ class Effect(ABC):
     def step(self, value: Value, past_speed: Value, signals: Signals, state: State, dt_s: float) -> tuple[Value, State]:
         """One sample on: the effect's output and its next state, elementwise."""
 
-    def pace(self, signals: Signals) -> Value:
-        """The factor alpha by which the effect slows the poles down (equation 12 of the paper), 1 for most."""
+    def pace(self, signals: Signals, state: State) -> Value:
+        """The factor alpha by which the effect slows the poles down (equation 12 of the paper), 1 for most.
+
+        `state` is that after the step of the same sample.
+        """
         return 1.0
+
+    def restructured(self, na: int, nb: int, delay: int, period_s: float) -> tuple[int, int, int]:
+        """Orders and delay in samples of a model with this effect, from those of one without: the same for most."""
+        return na, nb, delay
 
     def inverse(self, value: float, signals: Signals, state: State) -> Inverse:
         """The inputs that give `value`: only the command stage is inverted, the others scale what the drive gives."""
@@ -112,6 +127,18 @@ def clip(value: Value, low: float, high: float) -> Value:
     if isinstance(value, np.ndarray):
         return np.clip(value, low, high)
     return min(max(value, low), high)
+
+
+def where(condition: Value, yes: Value, no: Value) -> Value:
+    """`yes` where the condition holds and `no` elsewhere, elementwise."""
+    if isinstance(condition, np.ndarray):
+        return np.where(condition, yes, no)
+    return yes if condition else no
+
+
+def tanh(value: Value) -> Value:
+    """The hyperbolic tangent, elementwise."""
+    return np.tanh(value) if isinstance(value, np.ndarray) else math.tanh(value)
 
 
 def over(

@@ -57,7 +57,7 @@ class GearRatio(Effect):
         """The gain so far, scaled to the engaged gear."""
         return value * self.ratio(signals["gear"]), state
 
-    def pace(self, signals: Signals) -> Value:
+    def pace(self, signals: Signals, state: State) -> Value:
         """alpha of equation 12: less than 1 where the gear is higher than second."""
         ratio = self.ratio(signals["gear"])
         if isinstance(ratio, float):

@@ -157,7 +157,7 @@ def split_over(model: Model, recording: Recording, smooth: Smooth | None) -> Dri
     """
     signals = checked_signals(model, recording)
     state = prediction.states_over(model, recording.input, recording.output, signals)
-    if prediction.reads_speed(model, recording.input, recording.output, signals, state):
+    if model.reads_speed:
         if smooth is not None:
             names = ", ".join(effect.name for effect in model.effects)
             raise ValueError(f"an effect of {names} reads the speed: the input can't be filtered before the prediction")

@@ -123,9 +123,9 @@ def fit_narx(
     if gamma is not None and not gamma >= 0.0:
         raise FitError(f"gamma={gamma}: a penalty is 0 or more")
     for recording in recordings:
-        signals = checked_signals(model, recording)
-        if prediction.reads_speed(model, recording.input, recording.output, signals, state_over(model, recording)):
-            raise FitError("an effect of this structure reads the speed: NARX models can't have one, leave it out")
+        checked_signals(model, recording)
+    if model.reads_speed:
+        raise FitError("an effect of this structure reads the speed: NARX models can't have one, leave it out")
     centre_ma, scale_ma = _centre_and_scale(model, recordings)
     empty = Narx(model, degree, centre_ma, scale_ma, (), (), math.nan, math.nan, "")
     chosen = "given" if gamma is not None else "best of a grid, 3 s ahead on the last quarter of the recordings"

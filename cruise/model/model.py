@@ -115,8 +115,11 @@ class Model:
 
     @cached_property
     def command_effects(self) -> tuple[tuple[int, Effect], ...]:
-        """The effects that reshape the current, in order, each with its place in the state."""
-        return self._at(Stage.COMMAND)
+        """The effects that reshape the current, in order, each with its place in the state; then those that watch it.
+
+        An effect of the dynamics sees the drive signal that the others leave and passes it on unchanged.
+        """
+        return self._at(Stage.COMMAND) + self._at(Stage.DYNAMICS)
 
     @cached_property
     def gain_effects(self) -> tuple[tuple[int, Effect], ...]:
@@ -129,9 +132,14 @@ class Model:
         return self._at(Stage.LOAD)
 
     @cached_property
-    def pacing_effects(self) -> tuple[Effect, ...]:
+    def pacing_effects(self) -> tuple[tuple[int, Effect], ...]:
         """The effects that move the poles."""
-        return tuple(effect for effect in self.effects if type(effect).pace is not Effect.pace)
+        return tuple((i, effect) for i, effect in enumerate(self.effects) if type(effect).pace is not Effect.pace)
+
+    @cached_property
+    def reads_speed(self) -> bool:
+        """Whether an effect reads the speed: then nothing can be computed ahead of the recursion."""
+        return any(effect.reads_speed for effect in self.effects)
 
     def _at(self, stage: Stage) -> tuple[tuple[int, Effect], ...]:
         return tuple((i, effect) for i, effect in enumerate(self.effects) if effect.stage is stage)
@@ -173,8 +181,8 @@ class Model:
             drive, memory[i] = effect.step(drive, last, signals, memory[i], dt_s)
         for i, effect in self.gain_effects:
             gain, memory[i] = effect.step(gain, last, signals, memory[i], dt_s)
-        for effect in self.pacing_effects:
-            pace = pace * effect.pace(signals)
+        for i, effect in self.pacing_effects:
+            pace = pace * effect.pace(signals, memory[i])
         for i, effect in self.load_effects:
             load, memory[i] = effect.step(0.0, last, signals, memory[i], dt_s)
             loads.append(load)
@@ -241,7 +249,7 @@ class Model:
     def current_for(self, drive_ma: float, state: ModelState, signals: Signals) -> Inverse:
         """The currents that give a wanted drive signal, or why there are none."""
         low = high = drive_ma
-        for i, effect in reversed(self.command_effects):
+        for i, effect in reversed(self._at(Stage.COMMAND)):
             below = effect.inverse(low, signals, state.effects[i])
             above = effect.inverse(high, signals, state.effects[i])
             if below.refused or above.refused:

@@ -58,8 +58,8 @@ def states_over(
         drives, memory[i] = over(effect, drives, past, signals, model.period_s)
     for i, effect in model.gain_effects:
         gain, memory[i] = over(effect, gain, past, signals, model.period_s)
-    for effect in model.pacing_effects:
-        pace = pace * effect.pace(signals)
+    for i, effect in model.pacing_effects:
+        pace = pace * effect.pace(signals, memory[i])
     for i, effect in model.load_effects:
         load, memory[i] = over(effect, 0.0, past, signals, model.period_s)
         loads.append(load)
@@ -71,29 +71,6 @@ def states_over(
         tuple(loads),
         tuple(memory),
     )
-
-
-def reads_speed(
-    model: Model,
-    currents_ma: np.ndarray,
-    speeds_mps: np.ndarray,
-    signals: Mapping[str, np.ndarray],
-    state: ModelState,
-) -> bool:
-    """Whether an effect reads the speed, found by showing the effects another one; `state` is that of the true one."""
-    if not model.effects:
-        return False
-    other = states_over(model, currents_ma, -1.7 * speeds_mps - 0.3, signals)
-    mine, others = (
-        [found.gain, found.pace, *found.loads, *found.drives[:1], *_flat(found.effects)] for found in (state, other)
-    )
-    return not all(np.array_equal(a, b, equal_nan=True) for a, b in zip(mine, others, strict=True))
-
-
-def _flat(states: tuple[State, ...]) -> list[Value]:
-    """The effects' states without those of effects that have none."""
-    entries = [entry if isinstance(entry, tuple) else (entry,) for entry in states if entry is not None]
-    return [value for entry in entries for value in entry]
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,7 +129,7 @@ def ahead(
     noise model adds m samples ahead. NaN where there was no start.
     """
     state = states_over(model, currents_ma, speeds_mps, signals)
-    if not reads_speed(model, currents_ma, speeds_mps, signals, state):
+    if not model.reads_speed:
         return ahead_driven(driven(model, state, len(speeds_mps)), speeds_mps, horizon, noise)
     return ahead_stepwise(model, state, currents_ma, signals, horizon, noise)
 
@@ -265,6 +242,6 @@ def free_run(
     """
     state = states_over(model, currents_ma, speeds_mps, signals)
     with np.errstate(over="ignore", invalid="ignore"):
-        if not reads_speed(model, currents_ma, speeds_mps, signals, state):
+        if not model.reads_speed:
             return run_driven(driven(model, state, len(speeds_mps)), speeds_mps)
         return run_stepwise(model, state, currents_ma, speeds_mps, signals)[:, 0]

@@ -58,9 +58,9 @@ def test_engine_speed_scales_with_flow():
 def test_gears_scale_gain_and_pace_as_in_equations_10_to_12():
     gears = GearRatio(1.4, 2.5, 4.4, 7.8)
     assert [gears.ratio(float(i)) for i in (1, 2, 3, 4)] == pytest.approx([1.4 / 2.5, 1, 4.4 / 2.5, 7.8 / 2.5])
-    paces = [gears.pace({"gear": float(i)}) for i in (1, 2, 3, 4)]
+    paces = [gears.pace({"gear": float(i)}, None) for i in (1, 2, 3, 4)]
     assert paces == pytest.approx([1, 1, (2.5 / 4.4) ** 2, (2.5 / 7.8) ** 2])
-    np.testing.assert_allclose(gears.pace({"gear": np.array([1.0, 2, 3, 4])}), paces)
+    np.testing.assert_allclose(gears.pace({"gear": np.array([1.0, 2, 3, 4])}, None), paces)
 
 
 @pytest.mark.parametrize("gear", [0.0, 5.0, -1.0])

@@ -14,7 +14,7 @@ MODEL = Model(PERIOD_S, 2, 3, DELAY, (GEARS,), (*A, *B, 0.0))
 
 def transfer_function(gear: float) -> control.TransferFunction:
     """alpha g B(z) z^-d / (1 - alpha A(z) - (1 - alpha) z^-1), written in powers of z (equations 11 and 12)."""
-    alpha, ratio = GEARS.pace({"gear": gear}), GEARS.ratio(gear)
+    alpha, ratio = GEARS.pace({"gear": gear}, None), GEARS.ratio(gear)
     order = DELAY + len(B) - 1
     numerator = alpha * ratio * np.array(B)
     denominator = np.zeros(order + 1)

@@ -46,6 +46,7 @@ class Grade(Effect):
     name = "grade"
     stage = Stage.LOAD
     needs = ("pitch_deg",)
+    reads_speed = True
     parameters: ClassVar = {}
 
     def step(self, value, past_speed, signals, state, dt_s):

@@ -24,6 +24,7 @@ class Drag(Effect):
     name = "drag"
     stage = Stage.LOAD
     needs = ()
+    reads_speed = True
     parameters: ClassVar = {}
 
     def step(self, value, past_speed, signals, state, dt_s):
@@ -64,7 +65,7 @@ def test_over_whole_arrays_is_the_same_as_step_by_step(name, horizon, holes):
         current[40], speeds[61:64], signals["gear"][90] = np.nan, np.nan, np.nan
     noise = [0.01 * np.arange(len(current)), 0.02 * np.arange(len(current))]
     state = prediction.states_over(chosen, current, speeds, signals)
-    assert not prediction.reads_speed(chosen, current, speeds, signals, state)
+    assert not chosen.reads_speed
     slow = prediction.ahead_stepwise(chosen, state, current, signals, horizon, noise)
     fast = prediction.ahead(chosen, current, speeds, signals, horizon, noise)
     np.testing.assert_allclose(fast, slow, rtol=1e-12)
@@ -86,8 +87,7 @@ def test_a_free_run_is_the_same_either_way_and_as_the_prediction_from_its_start(
 
 def test_an_effect_that_reads_the_speed_is_seen_and_stepped():
     chosen, (current, speeds, signals) = model(1, 2, 1, Drag()), recording()
-    state = prediction.states_over(chosen, current, speeds, signals)
-    assert prediction.reads_speed(chosen, current, speeds, signals, state)
+    assert chosen.reads_speed
     run = prediction.free_run(chosen, current, speeds, signals)
     expected = speeds[1]
     for k in range(2, len(speeds)):

@@ -1,16 +1,19 @@
-"""Recordings: measured signals on one uniform time grid, read from and written to CSV files.
+"""Recordings: measured signals on one uniform time grid, from readings that may jitter and have gaps.
 
-A CSV file has one header line, a time column and one column a signal. Its times may jitter and have gaps; reading puts
-them on the grid t_0 + k T. Where the grid is coarser than the data, a sample is the mean over one period, taken by the
-very class that takes them online (`sampling.Stream`); else it is the straight line between two readings, or the last
-value of a held signal. NaN means "not measured", and what was lost or mended is in the recording's notes, in words.
+Reading puts them on the grid t_0 + k T. Where the grid is coarser than the data, a sample is the mean over one period,
+taken by the very class that takes them online (`sampling.Stream`); else it is the straight line between two readings,
+or the last value of a held signal. NaN means "not measured", and what was lost or mended is in the recording's notes,
+in words.
+
+A table has a time column and one column a signal; a CSV file is one with a header line. Where every signal comes at
+times of its own, as on a bus, `arranged` follows the same rules.
 """
 
 import csv
 import difflib
 import math
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -40,7 +43,7 @@ class ColumnSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_f
     """What one column of a file means: signal value = scale * cell + offset."""
 
     signal: str | None = None  # the signal's name in this project; default: the column's own name
-    scale: float = 1.0  # in the signal's unit per unit of the cell, e.g. 0.001 for mm/s
+    scale: float = 1.0  # in the signal's unit per unit of the cell, e.g. 0.001 for mm/s, 0.277778 for km/h
     offset: float = 0.0  # in the signal's unit
 
 
@@ -52,21 +55,30 @@ class ActiveWhen(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
 
 class RecordingSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Which columns of a CSV file are what; names are those of the header line."""
+    """Which columns of a file are what; names are the file's own, or what `columns` calls them."""
 
-    time: str = TIME
+    time: str = TIME  # of tables; logs and measurements have stamps of their own
     input: str = INPUT
     output: str = OUTPUT
     columns: dict[str, ColumnSettings] = {}
     active_when: ActiveWhen | None = None
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Readings:
+    """One column as it was measured: `time_s` (N,), `values` (N,), NaN for not measured."""
+
+    time_s: FloatArray
+    values: FloatArray
+
+
 @dataclass(frozen=True, eq=False)
 class Recording:
     """Signals on a uniform grid: `time_s` (N,) with step `dt_s`, `columns` name to values (N,), NaN for not measured.
 
-    `source` says where it comes from, `notes` what was lost or mended. The arrays are read-only. Raises RecordingError
-    for a grid that is not uniform, columns of another length, or no input or output.
+    `source` says where it comes from, `notes` what was lost or mended, `stamps_s` (M,) the time stamps as they were
+    before the grid, where known. The arrays are read-only. Raises RecordingError for a grid that is not uniform,
+    columns of another length, or no input or output.
     """
 
     time_s: FloatArray
@@ -74,6 +86,7 @@ class Recording:
     dt_s: float
     source: str
     notes: tuple[str, ...] = ()
+    stamps_s: FloatArray | None = None
 
     def __post_init__(self) -> None:
         for name in (INPUT, OUTPUT):
@@ -89,6 +102,8 @@ class Recording:
             raise RecordingError(f"{self.source}: time_s does not rise in steps of {self.dt_s} s")
         object.__setattr__(self, "time_s", _read_only(self.time_s))
         object.__setattr__(self, "columns", {name: _read_only(values) for name, values in self.columns.items()})
+        if self.stamps_s is not None:
+            object.__setattr__(self, "stamps_s", _read_only(self.stamps_s))
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -120,50 +135,125 @@ def read_csv(path: str | Path, settings: RecordingSettings, dt_s: float | None =
 
     Raises RecordingError with file, line or column and what to do.
     """
-    if dt_s is not None and not 0.0 < dt_s < math.inf:
-        raise RecordingError(f"{path}: a sampling period of {dt_s} s is impossible; give one above 0, such as 0.05")
     header, rows = _read_rows(path)
-    notes: list[str] = []
-    for role, name in (("time", settings.time), ("input", settings.input), ("output", settings.output)):
-        _require(path, header, role, name)
-    if len({settings.time, settings.input, settings.output}) < 3:
-        raise RecordingError(f"{path}: one column cannot be both input and output, or time; choose three")
-    for role, names in (("columns", settings.columns), ("active_when", _gate_columns(settings))):
-        for name in names:
-            _require(path, header, role, name)
-
     cells = {name: [row[index] for _, row in rows] for index, name in enumerate(header)}
-    raw = {name: _numbers(texts) for name, texts in cells.items()}
-    time_s = _scaled(raw[settings.time], settings.columns.get(settings.time))
-    keep = _usable_rows(path, time_s, [line for line, _ in rows], notes)
+    raw = {name: numbers(texts) for name, texts in cells.items()}
+    return tabulated(str(path), raw, settings, dt_s, lambda row: f"{path}:{rows[row][0]}", f"{path}:1")
 
-    columns: dict[str, FloatArray] = {}
-    for name, values in raw.items():
-        if name == settings.time:
-            continue
-        signal = _signal_of(name, settings)
-        if signal in columns:
+
+def tabulated(
+    source: str,
+    raw: Mapping[str, FloatArray],
+    settings: RecordingSettings,
+    dt_s: float | None,
+    place: Callable[[int], str],
+    header: str,
+    notes: tuple[str, ...] = (),
+) -> Recording:
+    """Return the recording that a table is: `raw` column to cells (N,), NaN where a cell holds no number.
+
+    `place` names a row (from 0), `header` where the columns have their names, for the RecordingError of a table that
+    can't be used.
+    """
+    time, current, speed = _roles(header, raw, settings, (settings.time, settings.input, settings.output))
+    said = list(notes)
+    time_s = _scaled(raw[time], settings.columns.get(time))
+    keep = _usable_rows(source, time_s, place, said)
+    time_s = time_s[keep]
+    columns = {name: Readings(time_s, values[keep]) for name, values in raw.items() if name != time}
+    signals = _signals(source, columns, current, speed, settings, said, ("rows", "cells hold no number, not measured"))
+    return _on_grid(time_s, signals, dt_s, source, tuple(said))
+
+
+def arranged(
+    source: str,
+    columns: Mapping[str, Readings],
+    settings: RecordingSettings,
+    dt_s: float | None,
+    notes: tuple[str, ...] = (),
+) -> Recording:
+    """Return the recording that columns with times of their own are under `settings`, on a grid of `dt_s`.
+
+    The grid follows the readings of the slower one of input and output; their step is the default of `dt_s`. Raises
+    RecordingError for columns that are missing, named twice or empty, and for times that give no grid.
+    """
+    current, speed = _roles(source, columns, settings, (settings.input, settings.output))
+    said = list(notes)
+    columns = {name: _rising(name, readings, said) for name, readings in columns.items()}
+    signals = _signals(source, columns, current, speed, settings, said, ("readings", "values are no measurement"))
+    measured = {name: signals[name].time_s[~np.isnan(signals[name].values)] for name in (INPUT, OUTPUT)}
+    few = min(measured, key=lambda name: len(measured[name]))
+    if len(measured[few]) < MIN_SAMPLES:
+        raise RecordingError(
+            f"{source}: {few} has {len(measured[few])} readings, too few; a recording needs {MIN_SAMPLES} at least"
+        )
+    return _on_grid(max(measured.values(), key=_typical_step), signals, dt_s, source, tuple(said))
+
+
+def _rising(name: str, readings: Readings, notes: list[str]) -> Readings:
+    """Return the readings that are newer than all before them; of those with one time the last one holds."""
+    time_s = readings.time_s
+    if np.all(np.diff(time_s) > 0.0):
+        return readings
+    newest_s = np.fmax.accumulate(time_s) if len(time_s) else time_s
+    kept = np.flatnonzero(time_s >= newest_s)  # false for a time that is no number
+    kept = kept[np.append(np.diff(time_s[kept]) > 0.0, True)[: len(kept)]]
+    notes.append(f"{name}: {len(time_s) - len(kept)} of {len(time_s)} readings out of order or repeated, left out")
+    return Readings(time_s[kept], readings.values[kept])
+
+
+def _roles(where: str, names: Collection[str], settings: RecordingSettings, wanted: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the columns that are (time,) input and output, each named by itself or by the mapping."""
+    roles = ("time", "input", "output")[-len(wanted) :]
+    found = [_column(role, name, where, names, settings) for role, name in zip(roles, wanted, strict=True)]
+    if len(set(found)) < len(found):
+        raise RecordingError(f"{where}: one column cannot be both input and output, or time; choose three")
+    for role, others in (("columns", settings.columns), ("active_when", _gate_columns(settings))):
+        for name in others:
+            _require(role, name, where, names)
+    return tuple(found)
+
+
+def _signals(
+    source: str,
+    columns: Mapping[str, Readings],
+    current: str,
+    speed: str,
+    settings: RecordingSettings,
+    notes: list[str],
+    words: tuple[str, str],
+) -> dict[str, Readings]:
+    """Return the columns under the names and in the units of this project, the input gated."""
+    of_what, not_measured = words
+    signals: dict[str, Readings] = {}
+    for name, readings in columns.items():
+        signal = INPUT if name == current else OUTPUT if name == speed else _signal_of(name, settings)
+        if signal in signals:
             raise RecordingError(
-                f"{path}: two columns would be {signal}; one of them is {name!r}; rename one in columns"
+                f"{source}: two columns would be {signal}; one of them is {name!r}; rename one in columns"
             )
-        missing = int(np.isnan(values[keep]).sum())
-        if missing == len(keep) and name not in (settings.input, settings.output):
+        missing, count = int(np.isnan(readings.values).sum()), len(readings.values)
+        if missing == count and name not in (current, speed):
             notes.append(f"{name}: holds no number, left out")
             continue
         if missing:
-            notes.append(f"{name}: {missing} of {len(keep)} cells hold no number, not measured")
-        columns[signal] = _scaled(values, settings.columns.get(name))[keep]
+            notes.append(f"{name}: {missing} of {count} {not_measured}")
+        signals[signal] = Readings(readings.time_s, _scaled(readings.values, settings.columns.get(name)))
     if settings.active_when is not None:
-        _gate(columns, raw[settings.active_when.column][keep], settings.active_when, notes)
-    time_s = time_s[keep]
-    for signal in (INPUT, OUTPUT):
-        notes.extend(_gap_notes(signal, time_s[~np.isnan(columns[signal])]))
-    return _on_grid(time_s, columns, dt_s, str(path), tuple(notes))
+        gate = settings.active_when
+        signals[INPUT], off = _gated(signals[INPUT], columns[gate.column], gate.above)
+        all_of_it = f"{len(signals[INPUT].values)} {of_what}"
+        notes.append(f"input set to 0 in {off} of {all_of_it}: {gate.column} is not above {gate.above:g}")
+    for name in (INPUT, OUTPUT):
+        notes.extend(_gap_notes(name, signals[name].time_s[~np.isnan(signals[name].values)]))
+    return signals
 
 
 def resample(recording: Recording, dt_s: float) -> Recording:
     """Return `recording` on a grid of `dt_s`, by the same rules as a file is read with."""
-    return _on_grid(recording.time_s, recording.columns, dt_s, recording.source, recording.notes)
+    columns = {name: Readings(recording.time_s, values) for name, values in recording.columns.items()}
+    resampled = _on_grid(recording.time_s, columns, dt_s, recording.source, recording.notes)
+    return replace(resampled, stamps_s=recording.stamps_s)
 
 
 def write_csv(recording: Recording, path: str | Path) -> None:
@@ -208,15 +298,21 @@ def _read_rows(path: str | Path) -> tuple[list[str], list[tuple[int, list[str]]]
     return header, rows
 
 
-def _require(path: str | Path, header: list[str], role: str, name: str) -> None:
-    if name in header:
+def _column(role: str, name: str, where: str, names: Collection[str], settings: RecordingSettings) -> str:
+    """Return the column that has this name in the file, else the one that the mapping gives it."""
+    mapped = (column for column, one in settings.columns.items() if one.signal == name and column in names)
+    column = name if name in names else next(mapped, name)
+    _require(role, column, where, names)
+    return column
+
+
+def _require(role: str, name: str, where: str, names: Collection[str]) -> None:
+    if name in names:
         return
-    near = difflib.get_close_matches(name, header, n=1)
+    near = difflib.get_close_matches(name, names, n=1)
     hint = f"did you mean {near[0]!r}? " if near else ""
     choose = f"--{role} NAME, or {role}: in the settings" if role in ("input", "output") else f"{role}: in the settings"
-    raise RecordingError(
-        f"{path}:1: no column {name!r} for {role}; {hint}it has {_listed(header)}; choose with {choose}"
-    )
+    raise RecordingError(f"{where}: no column {name!r} for {role}; {hint}it has {_listed(names)}; choose with {choose}")
 
 
 def _gate_columns(settings: RecordingSettings) -> list[str]:
@@ -224,19 +320,16 @@ def _gate_columns(settings: RecordingSettings) -> list[str]:
 
 
 def _signal_of(column: str, settings: RecordingSettings) -> str:
-    """Return the name that a column gets in the recording."""
-    if column == settings.input:
-        return INPUT
-    if column == settings.output:
-        return OUTPUT
+    """Return the name that a column gets in the recording, where it is neither time nor input nor output."""
     chosen = settings.columns.get(column, ColumnSettings()).signal
-    if chosen is not None:
-        return chosen
-    # a column that has the name of the input or output but was not chosen as such stays, under another name
-    return f"recorded_{column}" if column in (INPUT, OUTPUT, TIME) else column
+    name = column if chosen is None else chosen
+    roles = {TIME: settings.time, INPUT: settings.input, OUTPUT: settings.output}
+    # What has the name of the input or output but was not chosen as such stays, under another name.
+    return f"recorded_{name}" if name in roles and (chosen is None or roles[name] != name) else name
 
 
-def _numbers(texts: list[str]) -> FloatArray:
+def numbers(texts: Sequence[str]) -> FloatArray:
+    """Return the cells (N,) as numbers, NaN where a text is none or not finite."""
     try:
         values = np.array(texts, dtype=float)
     except ValueError:  # some cell is empty or text: the slow way
@@ -255,7 +348,9 @@ def _scaled(values: FloatArray, settings: ColumnSettings | None) -> FloatArray:
     return values if settings is None else settings.scale * values + settings.offset
 
 
-def _usable_rows(path: str | Path, time_s: FloatArray, lines: list[int], notes: list[str]) -> npt.NDArray[np.intp]:
+def _usable_rows(
+    source: str, time_s: FloatArray, place: Callable[[int], str], notes: list[str]
+) -> npt.NDArray[np.intp]:
     """Return the indices of the rows that have a time of their own; raise where time runs backwards."""
     timed = np.flatnonzero(~np.isnan(time_s))
     if len(timed) < len(time_s):
@@ -265,47 +360,53 @@ def _usable_rows(path: str | Path, time_s: FloatArray, lines: list[int], notes: 
         at = int(np.argmax(steps < 0.0))
         before, after = time_s[timed[at]], time_s[timed[at + 1]]
         raise RecordingError(
-            f"{path}:{lines[timed[at + 1]]}: time runs backwards, from {before:.10g} s to {after:.10g} s; "
+            f"{place(int(timed[at + 1]))}: time runs backwards, from {before:.10g} s to {after:.10g} s; "
             "split the file there: each part is a recording of its own"
         )
     kept = timed[np.append(steps > 0.0, True)[: len(timed)]]  # of rows with one time, the last one holds
     if len(kept) < len(timed):
         notes.append(f"{len(timed) - len(kept)} rows repeat the time of the next one, left out")
     if len(kept) < MIN_SAMPLES:
-        raise RecordingError(f"{path}: {len(kept)} usable rows are too few; a recording needs {MIN_SAMPLES} at least")
+        raise RecordingError(f"{source}: {len(kept)} usable rows are too few; a recording needs {MIN_SAMPLES} at least")
     return kept
 
 
-def _gate(columns: dict[str, FloatArray], flag: FloatArray, gate: ActiveWhen, notes: list[str]) -> None:
-    off = flag <= gate.above
-    notes.append(f"input set to 0 in {int(off.sum())} of {len(off)} rows: {gate.column} is not above {gate.above:g}")
-    columns[INPUT] = np.where(np.isnan(flag), np.nan, np.where(off, 0.0, columns[INPUT]))
+def _gated(current: Readings, flag: Readings, above: float) -> tuple[Readings, int]:
+    """Return the input, 0 where the flag's last reading is not above its limit and not measured where there is none.
+
+    Beside it how often it is 0 for that.
+    """
+    last = np.searchsorted(flag.time_s, current.time_s, side="right") - 1
+    flags = np.where(last >= 0, flag.values[np.maximum(last, 0)], np.nan)
+    off = flags <= above
+    values = np.where(np.isnan(flags), np.nan, np.where(off, 0.0, current.values))
+    return Readings(current.time_s, values), int(off.sum())
 
 
 def _on_grid(
-    time_s: FloatArray, columns: Mapping[str, FloatArray], dt_s: float | None, source: str, notes: tuple[str, ...]
+    base_s: FloatArray, columns: Mapping[str, Readings], dt_s: float | None, source: str, notes: tuple[str, ...]
 ) -> Recording:
-    data_step_s = _typical_step(time_s)
-    dt_s = dt_s or _sensible_step(time_s, data_step_s)
+    if dt_s is not None and not 0.0 < dt_s < math.inf:
+        raise RecordingError(f"{source}: a sampling period of {dt_s} s is impossible; give one above 0, such as 0.05")
+    data_step_s = _typical_step(base_s)
+    dt_s = dt_s or _sensible_step(base_s, data_step_s)
     averaged = dt_s > COARSER * data_step_s
-    count = math.floor((time_s[-1] - time_s[0]) / dt_s + SAME_STEP) + 1
+    start_s, end_s = float(base_s[0]), float(base_s[-1])
+    count = math.floor((end_s - start_s) / dt_s + SAME_STEP) + 1
     if count > MAX_SAMPLES:
-        at = int(np.argmax(np.diff(time_s)))
+        at = int(np.argmax(np.diff(base_s)))
         raise RecordingError(
-            f"{source}: from {time_s[0]:.10g} s to {time_s[-1]:.10g} s are {count} samples of {dt_s:g} s, too many; "
-            f"the longest step is at {time_s[at]:.10g} s; correct the time stamps or choose a longer period"
+            f"{source}: from {start_s:.10g} s to {end_s:.10g} s are {count} samples of {dt_s:g} s, too many; "
+            f"the longest step is at {base_s[at]:.10g} s; correct the time stamps or choose a longer period"
         )
     if count < MIN_SAMPLES:
         raise RecordingError(f"{source}: {count} samples of {dt_s:g} s are too few; choose a shorter period")
-    grid_s = time_s[0] + dt_s * np.arange(count)
-    nearest_s = time_s[0] + dt_s * np.rint((time_s - time_s[0]) / dt_s)
-    rounding_s = ROUNDING * dt_s + 4.0 * np.spacing(np.max(np.abs(time_s)))
-    time_s = np.where(np.abs(time_s - nearest_s) <= rounding_s, nearest_s, time_s)  # on the grid, not just before it
+    grid_s = start_s + dt_s * np.arange(count)
     grid_s = grid_s[int(averaged) :]  # the first mean ends one period after the first reading
 
     gridded: dict[str, FloatArray] = {}
-    for name, values in columns.items():
-        measured = ~np.isnan(values)
+    for name, readings in columns.items():
+        measured = ~np.isnan(readings.values)
         if not measured.any():
             if name in (INPUT, OUTPUT):
                 raise RecordingError(
@@ -313,13 +414,23 @@ def _on_grid(
                 )
             gridded[name] = np.full(len(grid_s), np.nan)
             continue
-        times, known = time_s[measured], values[measured]
-        stale_s = stale_after(_typical_step(times))
+        times, known = _snapped(readings.time_s[measured], start_s, dt_s), readings.values[measured]
+        step_s, kind = _typical_step(times), kind_of(name)
         if averaged:
-            gridded[name] = means(times, known, grid_s, dt_s, kind_of(name), stale_s)
+            gridded[name] = means(times, known, grid_s, dt_s, kind, stale_after(step_s))
+        elif dt_s > COARSER * step_s and kind is not Kind.STATE:
+            # Faster than input and output, which are taken at the instant: a mean around it, or they don't align.
+            gridded[name] = means(times, known, grid_s + 0.5 * dt_s, dt_s, kind, stale_after(step_s))
         else:
-            gridded[name] = _between(times, known, grid_s, EARLY * dt_s, kind_of(name), stale_s)
-    return Recording(grid_s, gridded, dt_s, source, notes)
+            gridded[name] = _between(times, known, grid_s, EARLY * dt_s, kind, stale_after(step_s))
+    return Recording(grid_s, gridded, dt_s, source, notes, base_s)
+
+
+def _snapped(time_s: FloatArray, start_s: float, dt_s: float) -> FloatArray:
+    """Return the times with those on the grid that number formats put just before or behind it."""
+    nearest_s = start_s + dt_s * np.rint((time_s - start_s) / dt_s)
+    rounding_s = ROUNDING * dt_s + 4.0 * np.spacing(np.max(np.abs(time_s)))
+    return np.where(np.abs(time_s - nearest_s) <= rounding_s, nearest_s, time_s)
 
 
 def _between(

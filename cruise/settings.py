@@ -225,6 +225,10 @@ def _branch(node: yaml.Node, type_: Any) -> Any:
             config = member.__struct_config__
             if config.tag is not None and _text_at(node, config.tag_field) == str(config.tag):
                 return member
+        if isinstance(node, yaml.SequenceNode):  # one or several: X | tuple[X, ...]
+            return next((member for member in members if typing.get_origin(member) in (list, tuple)), type_)
+        untagged = [member for member in _structs(type_) if member.__struct_config__.tag is None]
+        return untagged[0] if len(untagged) == 1 else type_
     return type_
 
 

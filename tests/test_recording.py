@@ -4,6 +4,7 @@ import tempfile
 from pathlib import Path
 
 import hypothesis
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given
@@ -12,9 +13,11 @@ from hypothesis import strategies as st
 from cruise.recording import (
     ActiveWhen,
     ColumnSettings,
+    Readings,
     Recording,
     RecordingError,
     RecordingSettings,
+    arranged,
     read_csv,
     resample,
     write_csv,
@@ -164,6 +167,96 @@ def test_columns_are_named_scaled_and_gated(tmp_path):
         "remark: holds no number, left out",
         "input set to 0 in 5 of 20 rows: safe is not above 0.5",
     )
+
+
+def test_the_mapping_alone_says_what_time_input_and_output_are(tmp_path):
+    settings = RecordingSettings(
+        columns={
+            "ms": ColumnSettings(signal="time_s", scale=0.001),
+            "amps": ColumnSettings(signal=INPUT, scale=1000.0),
+            "kmh": ColumnSettings(signal=OUTPUT, scale=1 / 3.6),
+            "wheel": ColumnSettings(signal="wheel_speed_mps", scale=1 / 3.6, offset=0.5),
+        }
+    )
+    path = csv_of(tmp_path, [f"{100 * k},0.5,{3.6 * k},7.2,{k}" for k in range(20)], "ms,amps,kmh,wheel,mystery")
+    read = read_csv(path, settings)
+    assert read.dt_s == 0.1
+    np.testing.assert_allclose(read.input, 500.0)
+    np.testing.assert_allclose(read.output, np.arange(20), atol=1e-9)
+    assert set(read.context()) == {"wheel_speed_mps"}
+    np.testing.assert_allclose(read.columns["wheel_speed_mps"], 2.5)
+    np.testing.assert_allclose(read.columns["mystery"], np.arange(20))  # what nobody named stays
+    other = read_csv(path, msgspec.structs.replace(settings, output="wheel_speed_mps"))
+    np.testing.assert_allclose(other.output, 2.5)  # a mapped name can be chosen, too
+    np.testing.assert_allclose(other.columns["recorded_ground_speed_mps"], np.arange(20), atol=1e-9)
+    twice = {**settings.columns, "wheel": ColumnSettings(signal=OUTPUT)}
+    with pytest.raises(RecordingError, match="two columns would be ground_speed_mps; one of them is 'wheel'"):
+        read_csv(path, msgspec.structs.replace(settings, columns=twice))
+
+
+def test_a_column_that_is_mapped_onto_one_that_is_there_is_refused(tmp_path):
+    path = csv_of(tmp_path, [f"{row},3" for row in ramp()], "time_s,pump_current_ma,ground_speed_mps,kmh")
+    settings = RecordingSettings(columns={"kmh": ColumnSettings(signal=OUTPUT)})
+    with pytest.raises(RecordingError, match="two columns would be ground_speed_mps; one of them is 'kmh'"):
+        read_csv(path, settings)
+
+
+def readings(step_s: float, values, count: int = 41, start_s: float = 0.0) -> Readings:
+    time_s = start_s + step_s * np.arange(count)
+    return Readings(time_s, values(time_s))
+
+
+def test_signals_with_times_of_their_own_meet_on_the_slower_ones_grid():
+    columns = {
+        INPUT: readings(0.1, lambda t: 100.0 * t),
+        OUTPUT: readings(0.2, lambda t: 2.0 * t, 21, 0.003),
+        "pitch_deg": readings(0.02, lambda t: t + np.cos(50 * np.pi * t), 201),  # at half its rate: noise
+        "gear": readings(0.5, np.floor, 9),
+        "oil_temperature_c": readings(1.0, lambda t: 60.0 + t, 5),
+    }
+    read = arranged("made up", columns, PLAIN, None)
+    assert read.dt_s == pytest.approx(0.2)
+    assert read.time_s[0] == 0.003
+    inside = slice(1, -1)
+    at_s = read.time_s[inside]
+    np.testing.assert_allclose(read.output[inside], 2.0 * at_s, atol=1e-9)
+    np.testing.assert_allclose(read.input[inside], 100.0 * (at_s - 0.05), atol=6.0)  # held: half its step
+    np.testing.assert_allclose(read.columns["pitch_deg"][inside], at_s, atol=0.06)
+    np.testing.assert_allclose(read.columns["gear"][inside], np.floor(at_s))
+    np.testing.assert_allclose(read.columns["oil_temperature_c"][inside], 60.0 + at_s, atol=1e-9)
+    coarse = arranged("made up", columns, PLAIN, 0.4)
+    np.testing.assert_allclose(coarse.output, 2.0 * (coarse.time_s - 0.2), atol=0.01)
+    assert read.stamps_s is not None
+    fine = arranged("made up", columns, PLAIN, 0.1)
+    np.testing.assert_array_equal(resample(fine, 0.2).stamps_s, read.stamps_s)
+
+
+def test_readings_out_of_order_or_repeated_are_counted_not_taken():
+    speed = readings(0.1, lambda t: 2.0 * t)
+    times = np.insert(speed.time_s, [10, 20, 30], [0.5, speed.time_s[20], np.nan])
+    values = np.insert(speed.values, [10, 20, 30], [99.0, 99.0, 99.0])
+    read = arranged("made up", {INPUT: speed, OUTPUT: Readings(times, values)}, PLAIN, None)
+    np.testing.assert_allclose(read.output, speed.values, atol=1e-9)
+    assert read.notes == ("ground_speed_mps: 3 of 44 readings out of order or repeated, left out",)
+
+
+def test_a_flag_gates_the_input_from_its_own_last_reading_on():
+    current, speed = readings(0.1, lambda t: 700.0 + 0.0 * t), readings(0.1, lambda t: 2.0 * t)
+    flag = Readings(np.array([0.55, 2.05]), np.array([1.0, 0.0]))
+    settings = RecordingSettings(active_when=ActiveWhen(column="safe"))
+    read = arranged("made up", {INPUT: current, OUTPUT: speed, "safe": flag}, settings, None)
+    assert np.isnan(read.input[:6]).all()
+    assert set(read.input[6:21].tolist()) == {700.0}
+    assert set(read.input[21:].tolist()) == {0.0}
+    assert read.notes[0] == "input set to 0 in 20 of 41 readings: safe is not above 0.5"
+
+
+def test_too_few_readings_are_named(tmp_path):
+    columns = {INPUT: readings(0.1, np.sin, 9), OUTPUT: readings(0.1, np.sin)}
+    with pytest.raises(RecordingError, match="made up: pump_current_ma has 9 readings, too few"):
+        arranged("made up", columns, PLAIN, None)
+    with pytest.raises(RecordingError, match="made up: no column 'amps' for input; it has pump_current_ma, ground"):
+        arranged("made up", columns, RecordingSettings(input="amps"), None)
 
 
 def test_another_output_leaves_the_recorded_speed_in_place(tmp_path):

@@ -55,6 +55,15 @@ class Layout:
     """Raw value of every signal for "not available"."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Described:
+    """A DBC file: the messages that are the contracts', all others, and why those with a contract's name are others."""
+
+    layouts: tuple[Layout, ...]
+    others: tuple[Message, ...]
+    problems: tuple[str, ...]
+
+
 def layouts(path: str | Path, settings: CanSettings) -> tuple[Layout, ...]:
     """Read the DBC file and return a layout for every contract, in their order.
 
@@ -65,6 +74,27 @@ def layouts(path: str | Path, settings: CanSettings) -> tuple[Layout, ...]:
     if problems:
         raise SettingsError("\n".join(problems))
     return tuple(_layout(contract, database.get_message_by_name(contract.name), settings) for contract in CONTRACTS)
+
+
+def described(path: str | Path, settings: CanSettings) -> Described:
+    """Read any DBC file: one of a machine that has never heard of this program, too.
+
+    Raises SettingsError for a file that can't be read.
+    """
+    database = _read(Path(path))
+    known, problems = [], []
+    for contract in CONTRACTS:
+        wrong = next(_problems(contract, database), None)
+        if wrong is None:
+            known.append(contract)
+        elif any(message.name == contract.name for message in database.messages):
+            problems.append(wrong)
+    ours = {contract.name for contract in known}
+    return Described(
+        tuple(_layout(contract, database.get_message_by_name(contract.name), settings) for contract in known),
+        tuple(message for message in database.messages if message.name not in ours),
+        tuple(problems),
+    )
 
 
 def _read(path: Path) -> Database:

@@ -18,6 +18,11 @@ from can.io.blf import BLFParseError
 
 from cruise.can.frame import Frame
 
+try:  # python-can has imported it by now, where it is installed
+    from asammdf.blocks.utils import MdfException
+except ImportError:
+    MdfException = BLFParseError  # no .mf4 is read then, and python-can says what to install
+
 CANDUMP: Final = ".log"
 # What python-can's readers raise on files that are not what their name says.
 _UNREADABLE: Final = (
@@ -32,6 +37,7 @@ _UNREADABLE: Final = (
     sqlite3.Error,
     can.CanError,
     BLFParseError,
+    MdfException,
 )
 
 

@@ -19,6 +19,7 @@ Own = Literal[
 ]
 
 CRC: Final = "crc"  # signal of our own messages, byte 1
+FAST_MESSAGE: Final = "DriveFeedback"  # speed and current that the model lives on; other messages only add context
 COUNTER: Final = "alive_counter"  # signal of our own messages, low half of byte 2
 REVERSE: Final = 0  # states of the direction SPNs, ISO 11783-7 A.10
 FORWARD: Final = 1

@@ -5,7 +5,10 @@ from importlib import import_module
 
 import typer
 
-VERBS = ("demo", "run", "plant", "record", "replay", "experiment", "explore", "identify", "orders", "paper")
+VERBS = (
+    "demo", "run", "plant", "record", "replay", "experiment", "explore", "identify", "orders", "paper", "effects",
+    "compare",
+)  # fmt: skip
 """Every verb is the function of its name in the module of its name, imported when it is called for: start-up counts."""
 
 

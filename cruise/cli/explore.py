@@ -1,11 +1,9 @@
 """`cruise explore`: what recordings say before any model is fitted."""
 
-import csv
 import json
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import typer
 from rich.console import Console
 
@@ -15,6 +13,7 @@ from cruise.cli.reading import (
     PICTURES,
     AsJson,
     Columns,
+    Database,
     InputName,
     OutputName,
     Recordings,
@@ -23,7 +22,6 @@ from cruise.cli.reading import (
     tables,
 )
 from cruise.identification import explore as analyses
-from cruise.recording import ColumnSettings, RecordingSettings
 
 HEADINGS = {
     "quality": "data quality",
@@ -39,34 +37,20 @@ def explore(
     columns: Columns = None,
     input_name: InputName = None,
     output_name: OutputName = None,
-    period: Annotated[float | None, typer.Option(help="Sampling period in s; default: the tables' own.")] = None,
+    database: Database = None,
+    period: Annotated[float | None, typer.Option(help="Sampling period in s; default: the data's own.")] = None,
     picture: Annotated[Path, typer.Option(help="Where the picture goes.")] = OUT / "explore.png",
     as_json: AsJson = False,
 ) -> None:
     """Say what recordings hold: response, delay, static curve, excitation and the quality of the data."""
     destination("--picture", picture, PICTURES)
-    read = columns_of(columns, input_name, output_name)
-    found = analyses.explore(tables(recordings, read, period), [_raw_times(path, read) for path in recordings])
+    read = tables(recordings, columns_of(columns, input_name, output_name, database), period)
+    found = analyses.explore(read, [one.stamps_s for one in read if one.stamps_s is not None])
     drawn = explore_picture.draw(found, picture)
     if as_json:
         print(json.dumps({**found.report(), "picture": str(drawn)}, indent=2))
     else:
         _print(found, drawn)
-
-
-def _raw_times(path: Path, read: RecordingSettings) -> np.ndarray:
-    """The time stamps in s as the table holds them, which was found sound before."""
-    with path.open(encoding="utf-8-sig", newline="") as stream:
-        header = stream.readline()
-        mark = max(",;\t", key=header.count)  # as the tables are read
-        names = next(csv.reader([header], delimiter=mark, skipinitialspace=True))
-        at, scale = (
-            [name.strip() for name in names].index(read.time),
-            read.columns.get(read.time, ColumnSettings()).scale,
-        )
-        cells = [row[at] for row in csv.reader(stream, delimiter=mark) if len(row) > at]
-    times_s = np.genfromtxt(cells, delimiter="\n") if cells else np.zeros(0)
-    return scale * times_s[np.isfinite(times_s)]
 
 
 def _print(found: analyses.Exploration, drawn: Path) -> None:

@@ -20,6 +20,7 @@ from cruise.cli.reading import (
     AsJson,
     Columns,
     Cutoff,
+    Database,
     Horizon,
     InputName,
     ModelPeriod,
@@ -55,6 +56,7 @@ def identify(
     columns: Columns = None,
     input_name: InputName = None,
     output_name: OutputName = None,
+    database: Database = None,
     period: ModelPeriod = None,
     cutoff: Cutoff = 1.0,
     horizon: Horizon = 3.0,
@@ -73,7 +75,7 @@ def identify(
     destination("--picture", picture, PICTURES)
     if out is not None:
         destination("--out", out, MODEL_FILES)
-    read = tables(recordings, columns_of(columns, input_name, output_name))
+    read = tables(recordings, columns_of(columns, input_name, output_name, database))
     with console.status("reading") as status:
         found = fit(structure, read, preparation, start, horizon, status.update)
     drawn = identify_picture.draw(found, picture)

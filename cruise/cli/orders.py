@@ -19,6 +19,7 @@ from cruise.cli.reading import (
     AsJson,
     Columns,
     Cutoff,
+    Database,
     Horizon,
     InputName,
     ModelPeriod,
@@ -50,6 +51,7 @@ def orders(
     columns: Columns = None,
     input_name: InputName = None,
     output_name: OutputName = None,
+    database: Database = None,
     period: ModelPeriod = None,
     cutoff: Cutoff = 1.0,
     horizon: Horizon = 3.0,
@@ -64,7 +66,7 @@ def orders(
     above_zero("--horizon", horizon)
     destination("--picture", picture, PICTURES)
     period_s = preparation.period_s
-    prepared = at_period(tables(recordings, columns_of(columns, input_name, output_name)), period_s)
+    prepared = at_period(tables(recordings, columns_of(columns, input_name, output_name, database)), period_s)
     smooth = smoother(preparation, period_s)
     empty = structure.model(period_s)
     base = replace(empty, effects=start.effects) if start is not None else with_shapes(empty, prepared, smooth)

@@ -9,18 +9,29 @@ import msgspec
 import typer
 
 from cruise import settings
+from cruise.cli.places import CONFIG
+from cruise.effects import Custom
 from cruise.identification.preparation import PreparationSettings
 from cruise.identification.structures import PRESETS, Family, Structure, parse
 from cruise.model import files
 from cruise.model.model import Model
-from cruise.recording import Recording, RecordingSettings, read_csv
+from cruise.recording import Recording
+from cruise.service.recordings import ReadingSettings, read_recording
 from cruise.settings import SettingsError
 
 PICTURES = (".png", ".svg", ".pdf")
 NOTES_SHOWN = 5  # of the recordings; forty files have forty alike
 
-Recordings = Annotated[list[Path], typer.Argument(help="Tables (.csv), one experiment each.", show_default=False)]
-Columns = Annotated[Path | None, typer.Option(help="How the columns of a table are read.")]
+Recordings = Annotated[
+    list[Path],
+    typer.Argument(
+        help="One experiment each: tables (.csv .parquet), logs of the bus (.log .asc .blf .trc .db .mf4), "
+        "measurements with a channel a signal (.mf4).",
+        show_default=False,
+    ),
+]
+Columns = Annotated[Path | None, typer.Option(help="Settings file: what the columns mean, units, database.")]
+Database = Annotated[Path | None, typer.Option(help="DBC file of the logs; default: config/cruise.dbc.")]
 InputName = Annotated[str | None, typer.Option("--input", help="Column of the current.")]
 OutputName = Annotated[str | None, typer.Option("--output", help="Column of the speed.")]
 ModelPeriod = Annotated[
@@ -31,15 +42,23 @@ Horizon = Annotated[float, typer.Option(help="How far ahead predictions are judg
 AsJson = Annotated[bool, typer.Option("--json", help="Print the figures as JSON and nothing else.")]
 
 
-def columns_of(columns: Path | None, input_name: str | None, output_name: str | None) -> RecordingSettings:
-    """The settings by which tables are read: a file's, with input and output named on the command line."""
-    read = settings.load(columns, RecordingSettings) if columns else RecordingSettings()
-    return msgspec.structs.replace(read, input=input_name or read.input, output=output_name or read.output)
+def columns_of(
+    columns: Path | None, input_name: str | None, output_name: str | None, database: Path | None = None
+) -> ReadingSettings:
+    """The settings by which recordings are read: a file's, with what is named on the command line over them."""
+    read = settings.load(columns, ReadingSettings) if columns else ReadingSettings()
+    named = str(columns.parent / read.database) if columns and read.database else str(CONFIG / "cruise.dbc")
+    return msgspec.structs.replace(
+        read,
+        input=input_name or read.input,
+        output=output_name or read.output,
+        database=str(database) if database else named,
+    )
 
 
-def tables(paths: list[Path], read: RecordingSettings, period_s: float | None = None) -> list[Recording]:
+def tables(paths: list[Path], read: ReadingSettings, period_s: float | None = None) -> list[Recording]:
     """The recordings of these files, each on its own grid or on that of `period_s`."""
-    return [read_csv(path, read, period_s) for path in paths]
+    return [read_recording(path, read, period_s) for path in paths]
 
 
 def model_named(text: str) -> tuple[Structure, Model | None]:
@@ -50,7 +69,9 @@ def model_named(text: str) -> tuple[Structure, Model | None]:
     model = files.model_of(text, file)
     effects = tuple(effect.name for effect in model.effects)
     family = Family(file.family)
-    return Structure(family, file.na, file.nb, file.delay_s, len(file.noise_parameters), effects=effects), model
+    custom = tuple(effect for effect in model.effects if isinstance(effect, Custom))
+    orders = file.na, file.nb, file.delay_s, len(file.noise_parameters)
+    return Structure(family, *orders, effects=effects, custom=custom), model
 
 
 def prepared_by(period_s: float | None, cutoff_hz: float, file: Model | None) -> PreparationSettings:

@@ -13,14 +13,14 @@ from rich.console import Console
 from rich.table import Table
 
 from cruise.cli.places import CONFIG
-from cruise.cli.reading import AsJson, Columns, InputName, OutputName, columns_of
+from cruise.cli.reading import AsJson, Columns, InputName, OutputName, Recordings, columns_of
 from cruise.model import files
 from cruise.service import replay as service
 from cruise.service import settings as service_settings
 
 
 def replay(
-    recordings: Annotated[list[Path], typer.Argument(help="Logs of the bus (.log .asc .blf ...) or tables (.csv).")],
+    recordings: Recordings,
     test: Annotated[list[Path] | None, typer.Option(help="Recordings to judge on; they teach nothing.")] = None,
     config: Annotated[Path, typer.Option(help="Settings of the service.")] = CONFIG / "cruise.yaml",
     model_file: Annotated[Path | None, typer.Option("--model", help="Model file to start from.")] = None,

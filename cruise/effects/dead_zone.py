@@ -1,32 +1,36 @@
 """Dead zone: below a threshold current the pump's servo does not move and no oil flows.
 
-    f(u) = sign(u) max(|u| - u_0, 0)
+    f(u) = sign(u) [ s ln(1 + exp((|u| - u_0) / s)) - s ln(1 + exp(-u_0 / s)) ],   s -> 0: sign(u) max(|u| - u_0, 0)
 
-u solenoid current in mA, u_0 threshold in mA. Source: section IV.C and Fig. 4 of Coen et al. 2005 ("a dead zone visible
+u solenoid current in mA, u_0 threshold in mA, s width of its edge in mA: spools have notches that open gradually. Source: section IV.C and Fig. 4 of Coen et al. 2005 ("a dead zone visible
 for small and large currents"); proportional pump controls of this class start at about a third of full current.
 """
 
+import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Final
 
-from cruise.effects.effect import About, Effect, Inverse, Parameter, Stage, State, Value, clip
+from cruise.effects.effect import About, Effect, Inverse, Parameter, Stage, State, Value, clip, sign, softplus, where
 from cruise.signals import Signals
+
+SHARP_MA: Final = 0.5  # mA, an edge below which it is a corner
 
 
 @dataclass(frozen=True, slots=True)
 class DeadZone(Effect):
-    """f(u) = sign(u) max(|u| - threshold_ma, 0), in mA."""
+    """f(u) = sign(u) max(|u| - threshold_ma, 0) in mA, with an edge edge_ma wide."""
 
     name = "dead_zone"
     stage = Stage.COMMAND
     needs = ()
     parameters: ClassVar = {
         "threshold_ma": Parameter("mA", 0.0, 800.0, 0.0, "current at which the servo begins to move"),
+        "edge_ma": Parameter("mA", 0.0, 150.0, 0.0, "width over which it begins"),
     }
     about: ClassVar = About(
         physics="The spool's overlap and the centring springs of the servo must be overcome before the swash plate "
         "leaves its middle. Below the threshold the machine stands, whatever the current.",
-        equation="f(u) = sign(u) max(|u| - u_0, 0)",
+        equation="f(u) = sign(u) max(|u| - u_0, 0), the corner rounded over s",
         source="Coen et al. 2005, section IV.C, Fig. 4",
         signature="the residual depends on |u| with a kink, and vanishes at high current once the gain is refitted",
         look_alikes=("coulomb_friction", "quadratic_gain", "hysteresis"),
@@ -34,13 +38,23 @@ class DeadZone(Effect):
     )
 
     threshold_ma: float = 0.0
+    edge_ma: float = 0.0
 
     def step(self, value: Value, past_speed: Value, signals: Signals, state: State, dt_s: float) -> tuple[Value, State]:
         """What is left of the current beyond the threshold."""
-        return value - clip(value, -self.threshold_ma, self.threshold_ma), state
+        sharp = value - clip(value, -self.threshold_ma, self.threshold_ma)
+        width_ma = clip(self.edge_ma, SHARP_MA, math.inf)
+        rest_ma = softplus(-self.threshold_ma, width_ma)  # nothing comes at no current
+        soft = sign(value) * (softplus(abs(value) - self.threshold_ma, width_ma) - rest_ma)
+        return where((self.edge_ma < SHARP_MA) | (self.threshold_ma == 0.0), sharp, soft), state
 
     def inverse(self, value: float, signals: Signals, state: State) -> Inverse:
         """The threshold on top of the value; the whole dead zone for zero."""
+        if self.edge_ma >= SHARP_MA and self.threshold_ma > 0.0:
+            open_ma = (abs(value) + softplus(-self.threshold_ma, self.edge_ma)) / self.edge_ma
+            over_ma = self.edge_ma * (open_ma + math.log(-math.expm1(-open_ma)))
+            current_ma = math.copysign(max(self.threshold_ma + over_ma, 0.0), value)
+            return Inverse(current_ma, current_ma)
         if value == 0.0:
             return Inverse(-self.threshold_ma, self.threshold_ma)
         current_ma = value + (self.threshold_ma if value > 0 else -self.threshold_ma)

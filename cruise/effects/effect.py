@@ -23,6 +23,8 @@ State = Any
 
 
 RATED_RPM: Final = 2100.0  # rpm, speed of the engine at which the paper identified its models (section V.A)
+EMPTY_KG: Final = 15000.0  # kg, mass of an empty combine harvester (Coen et al. 2005, section I: 15 to 20 t)
+GRAVITY_MPS2: Final = 9.81  # m/s2
 
 
 class Stage(StrEnum):
@@ -85,6 +87,7 @@ class Effect(ABC):
     needs: ClassVar[tuple[str, ...]]  # signals without which it says nothing
     helps: ClassVar[tuple[str, ...]] = ()  # signals that it uses where they are measured, and does without elsewhere
     reads_speed: ClassVar[bool] = False  # whether `past_speed` matters to it
+    either_sign: ClassVar[bool] = False  # of a load: whether it may also push; most only take speed
     parameters: ClassVar[Mapping[str, Parameter]]
     about: ClassVar[About]
     acts_as: ClassVar[Stage]  # the stage at whose place in the equation it stands: its own, unless it names another
@@ -93,7 +96,12 @@ class Effect(ABC):
         if "stage" in vars(cls) and "acts_as" not in vars(cls):
             cls.acts_as = cls.stage
 
-    def reshaped(self, **shape: float) -> Self:
+    @property
+    def uses(self) -> tuple[str, ...]:
+        """The signals that it reads where they are measured."""
+        return (*self.needs, *self.helps)
+
+    def reshaped(self, **shape: Value) -> Self:
         """The same effect with other shape parameters."""
         mine = {name: getattr(self, name) for name in self.parameters}
         return type(self)(**(mine | shape))
@@ -105,6 +113,28 @@ class Effect(ABC):
     @abstractmethod
     def step(self, value: Value, past_speed: Value, signals: Signals, state: State, dt_s: float) -> tuple[Value, State]:
         """One sample on: the effect's output and its next state, elementwise."""
+
+    def over(
+        self, values: Value, past_speeds: np.ndarray, signals: Mapping[str, np.ndarray], dt_s: float
+    ) -> tuple[Value, State]:
+        """The whole recording: output (N,) and state after each sample, every entry (N,); equals stepping.
+
+        An effect with a memory may do it faster than one step after the other, which is what stands here.
+        """
+        state = self.start(0.0)
+        if state is None:
+            return self.step(values, past_speeds, signals, None, dt_s)
+        values = np.broadcast_to(values, len(past_speeds)).tolist()
+        names, columns = list(signals), [np.asarray(column, float).tolist() for column in signals.values()]
+        rows = zip(*columns, strict=True) if columns else ((),) * len(values)
+        results, states = [], []
+        for value, past_speed, row in zip(values, past_speeds.tolist(), rows, strict=True):
+            result, state = self.step(value, past_speed, dict(zip(names, row, strict=True)), state, dt_s)
+            results.append(result)
+            states.append(state)
+        if isinstance(state, tuple):
+            return np.array(results), tuple(np.array(column) for column in zip(*states, strict=True))
+        return np.array(results), np.array(states)
 
     def pace(self, signals: Signals, state: State) -> Value:
         """The factor alpha by which the effect slows the poles down (equation 12 of the paper), 1 for most.
@@ -136,6 +166,18 @@ def where(condition: Value, yes: Value, no: Value) -> Value:
     return yes if condition else no
 
 
+def sign(value: Value) -> Value:
+    """-1, 0 or 1, elementwise."""
+    return np.sign(value) if isinstance(value, np.ndarray) else float(value > 0) - float(value < 0)
+
+
+def softplus(value: Value, width: float) -> Value:
+    """width ln(1 + exp(value / width)): the positive part of `value` with a rounded corner, elementwise."""
+    if isinstance(value, np.ndarray):
+        return np.maximum(value, 0.0) + width * np.log1p(np.exp(-np.abs(value) / width))
+    return max(value, 0.0) + width * math.log1p(math.exp(-abs(value) / width))
+
+
 def tanh(value: Value) -> Value:
     """The hyperbolic tangent, elementwise."""
     return np.tanh(value) if isinstance(value, np.ndarray) else math.tanh(value)
@@ -148,17 +190,4 @@ def over(
 
     The same as stepping through it; all at once where the effect has no memory.
     """
-    count = len(past_speeds)
-    state = effect.start(0.0)
-    if state is None:
-        return effect.step(values, past_speeds, signals, None, dt_s)
-    values = np.broadcast_to(values, count)
-    results, states = [], []
-    for k in range(count):
-        now = {name: float(column[k]) for name, column in signals.items()}
-        result, state = effect.step(float(values[k]), float(past_speeds[k]), now, state, dt_s)
-        results.append(result)
-        states.append(state)
-    if isinstance(state, tuple):
-        return np.array(results), tuple(np.array(column) for column in zip(*states, strict=True))
-    return np.array(results), np.array(states)
+    return effect.over(values, past_speeds, signals, dt_s)

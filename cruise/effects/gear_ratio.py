@@ -51,7 +51,8 @@ class GearRatio(Effect):
         gear = np.asarray(gear, float)
         known = np.isfinite(gear)
         index = np.where(known & (gear > 0) & (gear < 5), gear, 0).astype(int)
-        return np.where(known, np.take(tops, index) / self.gear_2_mps, np.nan)
+        top_mps = sum(np.where(index == i, top, 0.0) for i, top in enumerate(tops))
+        return np.where(known, top_mps / self.gear_2_mps, np.nan)
 
     def step(self, value: Value, past_speed: Value, signals: Signals, state: State, dt_s: float) -> tuple[Value, State]:
         """The gain so far, scaled to the engaged gear."""

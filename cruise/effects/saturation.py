@@ -1,8 +1,9 @@
 """Saturation: above a current the pump stands at its stop and gives no more oil.
 
-    f(u) = sign(u) min(|u|, u_1)
+    f(u) = sign(u) [ |u| - s ln(1 + exp((|u| - u_1) / s)) ],   s -> 0: sign(u) min(|u|, u_1)
 
-u solenoid current in mA, u_1 current of full stroke in mA. Source: section IV.C and Fig. 4 of Coen et al. 2005 ("a dead
+u solenoid current in mA, u_1 current of full stroke in mA, s width of the knee in mA: the servo's spring and the flow
+forces soften the stop. Source: section IV.C and Fig. 4 of Coen et al. 2005 ("a dead
 zone visible for small and large currents"); proportional pump controls of this class reach full stroke at about nine
 tenths of full current.
 """
@@ -11,26 +12,28 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
-from cruise.effects.effect import About, Effect, Inverse, Parameter, Stage, State, Value, clip
+from cruise.effects.effect import About, Effect, Inverse, Parameter, Stage, State, Value, clip, sign, softplus, where
 from cruise.signals import Signals
 
 GREATEST_MA: Final = 2000.0  # mA, more than any coil of this class takes
+SHARP_MA: Final = 0.5  # mA, a knee below which it is a corner
 
 
 @dataclass(frozen=True, slots=True)
 class Saturation(Effect):
-    """f(u) = sign(u) min(|u|, full_stroke_ma), in mA."""
+    """f(u) = sign(u) min(|u|, full_stroke_ma) in mA, with a knee knee_ma wide."""
 
     name = "saturation"
     stage = Stage.COMMAND
     needs = ()
     parameters: ClassVar = {
         "full_stroke_ma": Parameter("mA", 200.0, GREATEST_MA, GREATEST_MA, "current at which the swash plate stops"),
+        "knee_ma": Parameter("mA", 0.0, 150.0, 0.0, "width over which it comes to its stop"),
     }
     about: ClassVar = About(
         physics="The swash plate meets its mechanical stop, or the servo's spool is fully open. More current gives no "
         "more oil, so that the machine runs at its top speed whatever is asked of it.",
-        equation="f(u) = sign(u) min(|u|, u_1)",
+        equation="f(u) = sign(u) min(|u|, u_1), the corner rounded over s",
         source="Coen et al. 2005, section IV.C, Fig. 4",
         signature="the residual is negative at the highest currents only and grows with the current there",
         look_alikes=("quadratic_gain", "speed_droop", "power_limit"),
@@ -38,16 +41,31 @@ class Saturation(Effect):
     )
 
     full_stroke_ma: float = GREATEST_MA
+    knee_ma: float = 0.0
 
     def step(self, value: Value, past_speed: Value, signals: Signals, state: State, dt_s: float) -> tuple[Value, State]:
         """The current up to full stroke."""
-        return clip(value, -self.full_stroke_ma, self.full_stroke_ma), state
+        sharp = clip(value, -self.full_stroke_ma, self.full_stroke_ma)
+        width_ma = clip(self.knee_ma, SHARP_MA, math.inf)
+        lost_ma = softplus(abs(value) - self.full_stroke_ma, width_ma)
+        rest_ma = softplus(-self.full_stroke_ma, width_ma)  # nothing is lost at no current
+        soft = value - sign(value) * (lost_ma - rest_ma)
+        return where((self.knee_ma < SHARP_MA) | (self.full_stroke_ma >= GREATEST_MA), sharp, soft), state
 
     def inverse(self, value: float, signals: Signals, state: State) -> Inverse:
-        """The value itself; everything beyond full stroke at full stroke; refused for more."""
-        if abs(value) > self.full_stroke_ma:
-            stop_ma = self.full_stroke_ma
+        """The current that gives the value; everything beyond full stroke at full stroke; refused for more."""
+        stop_ma = self.full_stroke_ma
+        soft = stop_ma < GREATEST_MA and self.knee_ma >= SHARP_MA
+        if soft:
+            stop_ma += softplus(-stop_ma, self.knee_ma)
+        if abs(value) > stop_ma:
             return Inverse(math.nan, math.nan, refused=f"{value:.0f} mA is beyond the stop at {stop_ma:.0f} mA")
-        if abs(value) < self.full_stroke_ma:
+        if abs(value) == stop_ma:
+            return Inverse(value, GREATEST_MA) if value > 0.0 else Inverse(-GREATEST_MA, value)
+        if not soft:
             return Inverse(value, value)
-        return Inverse(value, GREATEST_MA) if value > 0.0 else Inverse(-GREATEST_MA, value)
+        width_ma = self.knee_ma
+        short_ma = abs(value) - softplus(-self.full_stroke_ma, width_ma)
+        current_ma = short_ma - width_ma * math.log(-math.expm1((short_ma - self.full_stroke_ma) / width_ma))
+        current_ma = math.copysign(min(current_ma, GREATEST_MA), value)
+        return Inverse(current_ma, current_ma)

@@ -10,6 +10,7 @@ lies above the cut-off. Single parameters then scatter four times less (three ta
 is in the standard errors.
 """
 
+import difflib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -45,11 +46,13 @@ class Rows:
 
 
 def checked_signals(model: Model, recording: Recording) -> dict[str, np.ndarray]:
-    """The signals of a recording that the model needs. FitError where one or the period is not the model's."""
+    """The signals of a recording that the model needs or can use; FitError where one lacks or the period differs."""
     absent = model.missing(recording.columns)
     if absent:
+        near = [name for one in absent for name in difflib.get_close_matches(one, recording.columns, n=1, cutoff=0.85)]
+        hint = f"did you mean {', '.join(near)}? " if near else ""
         raise FitError(
-            f"{recording.source}: the model needs {', '.join(absent)}, which the recording does not hold: "
+            f"{recording.source}: the model needs {', '.join(absent)}, which the recording does not hold: {hint}"
             "record it, or leave out the effect that needs it"
         )
     if abs(recording.dt_s - model.period_s) > SAME_PERIOD * model.period_s:
@@ -57,7 +60,8 @@ def checked_signals(model: Model, recording: Recording) -> dict[str, np.ndarray]
             f"{recording.source} is sampled every {recording.dt_s:g} s, the model runs every {model.period_s:g} s: "
             "resample the recording to the model's period"
         )
-    return {name: recording.columns[name] for name in model.needs}
+    used = dict.fromkeys(name for effect in model.effects for name in effect.uses)
+    return {name: recording.columns[name] for name in used if name in recording.columns}
 
 
 def state_over(model: Model, recording: Recording) -> ModelState:

@@ -2,7 +2,8 @@
 
     arx:na=1,nb=3,delay_s=0.5+dead_zone+quadratic_gain
 
-Before the colon stands the family, then its orders, then the effects in the order in which the current meets them.
+Before the colon stands the family, then its orders, then the effects in the order in which the current meets them; a
+term of the user's own as custom(header, gain, 1 + p1*(header_height_mm - 300)).
 Families: arx, armax (nc), oe (nf in place of na), narx (degree). Source: Tables I to IV of Coen et al. 2005.
 """
 
@@ -12,7 +13,8 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Final
 
-from cruise.effects import EFFECTS, Effect
+from cruise.effects import EFFECTS, Custom, Effect
+from cruise.effects.expression import ExpressionError
 from cruise.identification.regressors import FitError
 from cruise.model.model import Model
 
@@ -42,6 +44,7 @@ class Structure:
     degree: int = 0
     effects: tuple[str, ...] = ()
     name: str = ""
+    custom: tuple[Custom, ...] = ()  # what those of `effects` are that don't stand in EFFECTS
 
     def __str__(self) -> str:
         orders = {"nf" if self.family is Family.OUTPUT_ERROR else "na": self.na, "nb": self.nb}
@@ -50,7 +53,9 @@ class Structure:
         if self.family is Family.NARX:
             orders["degree"] = self.degree
         listed = ",".join(f"{key}={value}" for key, value in orders.items())
-        return "+".join((f"{self.family}:{listed},delay_s={self.delay_s:g}", *self.effects))
+        own = {term.name: str(term) for term in self.custom}
+        effects = (own.get(name, name) for name in self.effects)
+        return "+".join((f"{self.family}:{listed},delay_s={self.delay_s:g}", *effects))
 
     def delay(self, period_s: float) -> int:
         """The delay in whole samples, half of one down: 0.5 s is 2 samples of 5 Hz (Table I, arx8)."""
@@ -58,11 +63,12 @@ class Structure:
 
     def model(self, period_s: float) -> Model:
         """The core with neutral effects and all parameters zero."""
+        own = {term.name: term for term in self.custom}
+        kinds = (own[name] if name in own else EFFECTS[name]() for name in self.effects)
         effects: tuple[Effect, ...] = tuple(
-            EFFECTS[name](**{key: bound.neutral for key, bound in EFFECTS[name].parameters.items()})
-            for name in self.effects
+            kind.reshaped(**{key: bound.neutral for key, bound in kind.parameters.items()}) for kind in kinds
         )
-        loads = sum(effect.stage == "load" for effect in effects)
+        loads = sum(effect.acts_as == "load" for effect in effects)
         theta = (0.0,) * (self.na + self.nb + loads + 1)
         return Model(period_s, self.na, self.nb, self.delay(period_s), effects, theta)
 
@@ -112,7 +118,7 @@ def parse(text: str) -> Structure:
     """The structure that `text` names or writes out. Raises FitError with what is wrong and what is known."""
     if text in PRESETS:
         return PRESETS[text]
-    core, *effects = text.strip().split("+")
+    core, *effects = _summands(text.strip())
     family, colon, listed = core.partition(":")
     if not colon and family in PRESETS:  # a preset with further effects: arx10B+grade
         preset = PRESETS[family]
@@ -128,6 +134,18 @@ def parse(text: str) -> Structure:
     numbers = _numbers(text, Family(family), listed)
     structure = Structure(Family(family), **numbers)
     return _with_effects(text, structure, tuple(effects))
+
+
+def _summands(text: str) -> list[str]:
+    """`text` split at every + that stands outside parentheses."""
+    summands, depth = [""], 0
+    for character in text:
+        depth += (character == "(") - (character == ")")
+        if character == "+" and not depth:
+            summands.append("")
+        else:
+            summands[-1] += character
+    return summands
 
 
 def _numbers(text: str, family: Family, listed: str) -> dict:
@@ -160,12 +178,23 @@ def _numbers(text: str, family: Family, listed: str) -> dict:
     return numbers
 
 
-def _with_effects(text: str, structure: Structure, effects: tuple[str, ...]) -> Structure:
+def _with_effects(text: str, structure: Structure, written: tuple[str, ...]) -> Structure:
+    try:
+        custom = tuple(Custom.written(effect) for effect in written if effect.startswith("custom"))
+    except ExpressionError as error:
+        raise FitError(f"model {text!r}: {error}") from error
+    own = iter(term.name for term in custom)
+    effects = tuple(next(own) if effect.startswith("custom") else effect for effect in written)
+    known = {*EFFECTS, *(term.name for term in custom)}
     for name in effects:
-        if name not in EFFECTS:
+        if name not in known:
             near = difflib.get_close_matches(name, EFFECTS, n=1)
-            hint = f"did you mean {near[0]}?" if near else f"known: {', '.join(EFFECTS)}"
+            hint = f"did you mean {near[0]}?" if near else f"known: {', '.join(EFFECTS)}, custom(...)"
             raise FitError(f"model {text!r}: no effect {name!r}; {hint}")
+    taken = [term.name for term in custom if term.name in EFFECTS]
+    if taken:
+        raise FitError(f"model {text!r}: {taken[0]} is an effect already; give the custom term another name")
     if len(set(effects)) < len(effects):
         raise FitError(f"model {text!r}: every effect can be there once")
-    return replace(structure, effects=effects, name=structure.name if effects == structure.effects else "")
+    name = structure.name if effects == structure.effects else ""
+    return replace(structure, effects=effects, name=name, custom=custom)

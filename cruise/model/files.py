@@ -11,9 +11,20 @@ from typing import Annotated, Literal
 import msgspec
 
 from cruise import settings
-from cruise.effects import EFFECTS, Effect
+from cruise.effects import EFFECTS, Custom, Effect, Stage
+from cruise.effects.expression import ExpressionError
 from cruise.model.model import Model
 from cruise.settings import SettingsError
+
+
+class CustomTerm(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A term of the user's own; its parameters and its place stand among the effects, under its name."""
+
+    name: str
+    stage: Stage  # command, gain or load
+    expression: str  # of recorded signals, speed_mps, p1 to p9, and value in a command term
+    bounds: dict[str, tuple[float, float]] = {}  # of its parameters, -1 to 1 for those without
+
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 NotNegative = Annotated[float, msgspec.Meta(ge=0)]
@@ -39,7 +50,8 @@ class ModelFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     na: Annotated[int, msgspec.Meta(ge=0, le=100)]  # beyond 100 samples of memory a typing error is likelier
     nb: Annotated[int, msgspec.Meta(ge=1, le=100)]
     delay_s: Annotated[float, msgspec.Meta(ge=0, le=60)]
-    effects: dict[str, dict[str, float]] = {}
+    effects: dict[str, dict[str, float]] = {}  # in the order in which the current meets them
+    custom: CustomTerm | tuple[CustomTerm, ...] = ()  # those that `effects` doesn't name come last
     parameters: dict[str, float]
     standard_errors: dict[str, NotNegative] = {}
     residual_std_mps: Positive = 0.02
@@ -59,7 +71,9 @@ def read(path: str | Path) -> ModelFile:
 
 def model_of(path: str | Path, file: ModelFile) -> Model:
     """The model that the fields of a file describe; `path` is named in what is wrong with them."""
-    effects = tuple(_effect(path, name, shape) for name, shape in file.effects.items())
+    terms = _custom(path, file)
+    shapes = file.effects | {name: {} for name in terms if name not in file.effects}
+    effects = tuple(_effect(path, name, shape, terms.get(name)) for name, shape in shapes.items())
     delay = round(file.delay_s / file.period_s)
     empty = Model(file.period_s, file.na, file.nb, delay, effects, (0.0,) * _count(file, effects))
     if abs(delay * file.period_s - file.delay_s) > 1e-6:
@@ -100,6 +114,7 @@ def save(
             nb=model.nb,
             delay_s=round(model.delay * model.period_s, 9),
             effects=shapes,
+            custom=tuple(_term(effect) for effect in model.effects if isinstance(effect, Custom)),
             parameters=dict(zip(names, model.theta, strict=True)),
             standard_errors=dict(zip(names, model.theta_std, strict=True)) if model.theta_std else {},
             residual_std_mps=model.residual_std_mps,
@@ -111,11 +126,30 @@ def save(
 
 
 def _count(file: ModelFile, effects: tuple[Effect, ...]) -> int:
-    return file.na + file.nb + sum(effect.stage == "load" for effect in effects) + 1
+    return file.na + file.nb + sum(effect.acts_as == "load" for effect in effects) + 1
 
 
-def _effect(path: str | Path, name: str, shape: dict[str, float]) -> Effect:
-    kind = EFFECTS.get(name)
+def _term(effect: Custom) -> CustomTerm:
+    bounds = {name: (float(low), float(high)) for name, low, high in effect.bounds}
+    return CustomTerm(name=effect.name, stage=effect.stage, expression=effect.expression, bounds=bounds)
+
+
+def _custom(path: str | Path, file: ModelFile) -> dict[str, Custom]:
+    """The user's own terms by name, their parameters 0."""
+    terms: dict[str, Custom] = {}
+    for term in (file.custom,) if isinstance(file.custom, CustomTerm) else file.custom:
+        if term.name in EFFECTS or term.name in terms:
+            raise SettingsError(f"{path}: custom: name {term.name}: an effect has this name already; choose another")
+        bounds = tuple((name, low, high) for name, (low, high) in term.bounds.items())
+        try:
+            terms[term.name] = Custom(term.name, term.stage, term.expression, bounds)
+        except ExpressionError as error:
+            raise SettingsError(f"{path}: custom.{term.name}: {error}") from error
+    return terms
+
+
+def _effect(path: str | Path, name: str, shape: dict[str, float], term: Custom | None) -> Effect:
+    kind = term or EFFECTS.get(name)
     if kind is None:
         near = difflib.get_close_matches(name, EFFECTS, n=1)
         hint = f"did you mean {near[0]}?" if near else f"known: {', '.join(EFFECTS)}"
@@ -131,4 +165,4 @@ def _effect(path: str | Path, name: str, shape: dict[str, float]) -> Effect:
             raise SettingsError(
                 f"{path}: effects.{name}.{parameter}: {value} is outside {bounds.low} to {bounds.high} {bounds.unit}"
             )
-    return kind(**shape)
+    return kind(**shape) if isinstance(kind, type) else kind.reshaped(**shape)

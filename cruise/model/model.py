@@ -119,7 +119,12 @@ class Model:
 
         An effect of the dynamics sees the drive signal that the others leave and passes it on unchanged.
         """
-        return self._at(Stage.COMMAND) + self._at(Stage.DYNAMICS)
+        return self._at(Stage.COMMAND) + self.dynamics_effects
+
+    @cached_property
+    def dynamics_effects(self) -> tuple[tuple[int, Effect], ...]:
+        """The effects that watch the drive signal and pass it on."""
+        return self._at(Stage.DYNAMICS)
 
     @cached_property
     def gain_effects(self) -> tuple[tuple[int, Effect], ...]:
@@ -142,12 +147,17 @@ class Model:
         return any(effect.reads_speed for effect in self.effects)
 
     def _at(self, stage: Stage) -> tuple[tuple[int, Effect], ...]:
-        return tuple((i, effect) for i, effect in enumerate(self.effects) if effect.stage is stage)
+        return tuple((i, effect) for i, effect in enumerate(self.effects) if effect.acts_as is stage)
 
     @cached_property
     def needs(self) -> tuple[str, ...]:
         """The signals beside current and speed without which the model can't say anything."""
         return tuple(dict.fromkeys(name for effect in self.effects for name in effect.needs))
+
+    @cached_property
+    def uses(self) -> tuple[str, ...]:
+        """The signals beside current and speed that it reads where they are measured."""
+        return tuple(dict.fromkeys(name for effect in self.effects for name in effect.uses))
 
     @cached_property
     def parameter_names(self) -> tuple[str, ...]:
@@ -174,10 +184,16 @@ class Model:
 
     def apply(self, state: ModelState, current_ma: Value, signals: Signals) -> ModelState:
         """The state once the current and the signals of sample k are known, and its speed is not."""
+        return self._stepped(state, current_ma, signals, self.command_effects)
+
+    def _stepped(
+        self, state: ModelState, drive: Value, signals: Signals, chain: tuple[tuple[int, Effect], ...]
+    ) -> ModelState:
+        """One sample on, with `drive` going through `chain`, which is all or the end of the command effects."""
         last, dt_s = state.speeds[0], self.period_s
         memory = list(state.effects)
-        drive, gain, pace, loads = current_ma, 1.0, 1.0, []
-        for i, effect in self.command_effects:
+        gain, pace, loads = 1.0, 1.0, []
+        for i, effect in chain:
             drive, memory[i] = effect.step(drive, last, signals, memory[i], dt_s)
         for i, effect in self.gain_effects:
             gain, memory[i] = effect.step(gain, last, signals, memory[i], dt_s)
@@ -226,7 +242,8 @@ class Model:
 
     def linearise(self, state: ModelState, signals: Signals) -> DriveResponse:
         """The model at the present signals, linear in the drive signal, with everything that the gears do to it."""
-        now = self.apply(state, 0.0, signals)
+        held = state.drives[0]  # what watches the drive signal must not see a change that nobody has asked for
+        now = self._stepped(state, held, signals, self.dynamics_effects)
         a, b, loads, c_0 = self.split(self.theta)
         speed = [now.pace * value for value in a] or [0.0]
         speed[0] += 1.0 - now.pace

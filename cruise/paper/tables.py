@@ -4,9 +4,11 @@
 
 y unfiltered measured speed, y_hat its prediction 3 s ahead. What we took where the paper leaves it open: the
 Butterworth filter runs forward and back; the validation input is filtered like the training input, the measured speed
-never is (unfiltered, the three-tap models would explain nothing); 5 Hz samples are means over 0.2 s; a delay of 0.5 s
-is 2 samples of 5 Hz (with 3, arx8 would explain as much there as arx7); the transformation B is the static curve of the
-slow ramp, applied before the filter; a bias counts as unexplained, so that models without feedback pay for it on steps;
+never is (unfiltered, the three-tap models would explain nothing); data are filtered at 20 Hz, then decimated to 5 Hz
+behind an 8th-order Chebyshev filter without phase, as Matlab's decimate does (means over 0.2 s would fold current from
+above 2.5 Hz back below 1 Hz); a delay of 0.5 s is 2 samples of 5 Hz (with 3, arx8 would explain as much there as arx7);
+the transformation B is the static curve of the slow ramp, and it as well as the polynomials of Table IV are applied at
+20 Hz, before filter and decimation; a bias counts as unexplained, so that models without feedback pay for it on steps;
 the gain of Table VI is mean speed over mean current. "-" stands for a predictor with a pole on or outside the unit
 circle, or one that explains less than nothing.
 """
@@ -16,18 +18,20 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+from scipy import signal
 
 from cruise.effects import Effect, over
 from cruise.identification.accuracy import accuracy
 from cruise.identification.families import Identified
 from cruise.identification.identify import fit_family
 from cruise.identification.output_error import OutputError
-from cruise.identification.preparation import PreparationSettings, at_period, smoother
+from cruise.identification.preparation import PreparationSettings, smoother
 from cruise.identification.regressors import Smooth
 from cruise.identification.shapes import fit_shapes
-from cruise.identification.structures import PRESETS, parse
+from cruise.identification.structures import PRESETS, Family, Structure, parse
 from cruise.identification.whiteness import Whiteness, whiteness
 from cruise.model.prediction import lagged
+from cruise.paper.hermite import Hermite, fit_hermite
 from cruise.paper.published import Published
 from cruise.paper.records import Records
 from cruise.recording import Recording
@@ -63,7 +67,7 @@ class Fitted:
     """All models of one rate, and how recordings are made ready for them."""
 
     rate_hz: float
-    models: Mapping[str, Identified]
+    models: Mapping[str, Identified | Hermite]
     effects: tuple[Effect, ...]  # the transformation B
     smooth: Smooth
     unseen: Recording
@@ -76,14 +80,20 @@ class Fitted:
     def ahead(self, name: str, recording: Recording, horizon_s: float = HORIZON_S) -> tuple[Recording, np.ndarray]:
         """The recording as it was judged, and its speeds (N,) in m/s as predicted before."""
         judged, model = self.ready(name, recording), self.models[name]
+        horizon = max(round(horizon_s * self.rate_hz), 1)
+        said = self._said(model, recording, judged, horizon)
+        said[: 2 * horizon] = np.nan  # the same samples for all models, whatever they need to start
+        return judged, said
+
+    def _said(self, model: Identified | Hermite, recording: Recording, judged: Recording, horizon: int) -> np.ndarray:
+        if isinstance(model, Hermite):
+            drives = model.drives(recording, lambda one: ready(one, (), self.rate_hz, self.smooth))
+            return model.ahead(drives, judged.output, horizon)
         seen = judged
         if isinstance(model, OutputError):  # it uses no measured speed but to start from: from rest about the mean
             rest = np.full(len(judged), judged.output.mean())
             seen = replace(judged, columns={**judged.columns, OUTPUT: rest})
-        horizon = max(round(horizon_s * self.rate_hz), 1)
-        said = model.ahead(seen, horizon)
-        said[: 2 * horizon] = np.nan  # the same samples for all models, whatever they need to start
-        return judged, said
+        return model.ahead(seen, horizon)
 
     def explained_pct(self, name: str, recording: Recording) -> float | None:
         """Performance 3 s ahead on a recording of 20 Hz; None for an unstable predictor."""
@@ -101,14 +111,19 @@ class Fitted:
 def ready(
     recording: Recording, effects: tuple[Effect, ...], rate_hz: float, smooth: Smooth, output: bool = False
 ) -> Recording:
-    """`recording` with its current transformed, then at `rate_hz`, then filtered; with `output` the speed as well."""
+    """A recording of 20 Hz, its current transformed, then filtered, then at `rate_hz`; with `output` the speed as well.
+
+    The speed of a recording that is judged is only decimated.
+    """
     drive, speed = recording.input, lagged(recording.output, 1)
     for effect in effects:
         drive, _ = over(effect, drive, speed, {}, recording.dt_s)
-    transformed = replace(recording, columns={**recording.columns, INPUT: drive})
-    (slower,) = at_period([transformed], 1.0 / rate_hz)
-    filtered = {INPUT: smooth(slower.input), OUTPUT: smooth(slower.output) if output else slower.output}
-    return replace(slower, columns={**slower.columns, **filtered})
+    filtered = {INPUT: smooth(drive), OUTPUT: smooth(recording.output) if output else recording.output}
+    factor = round(1.0 / (rate_hz * recording.dt_s))
+    if factor > 1:
+        filtered = {name: signal.decimate(values, factor) for name, values in filtered.items()}
+    columns = {**{name: values[::factor] for name, values in recording.columns.items()}, **filtered}
+    return Recording(recording.time_s[::factor], columns, factor * recording.dt_s, recording.source, recording.notes)
 
 
 def variation_explained_pct(recording: Recording, predicted_mps: np.ndarray) -> float:
@@ -126,18 +141,23 @@ def static_effects(ramp: Recording, delay_s: float) -> tuple[Effect, ...]:
 
 def fit_all(records: Records, rate_hz: float, effects: tuple[Effect, ...]) -> Fitted:
     """Every model of Tables I to IV, and the ARMAX model of the text, at one rate."""
-    smooth = smoother(PreparationSettings(period_s=1.0 / rate_hz), 1.0 / rate_hz)
+    smooth = smoother(PreparationSettings(), records.noise.dt_s)
     assert smooth is not None
     plain, transformed = (ready(records.noise, chain, rate_hz, smooth, output=True) for chain in ((), effects))
-    models = {
-        name: fit_family(
-            structure,
-            replace(structure.model(1.0 / rate_hz), effects=()),
-            [transformed if structure.effects else plain],
-            _as_it_is,
-        )
-        for name, structure in PRESETS.items()
-    }
+
+    def fit(structure: Structure) -> Identified | Hermite:
+        if structure.family is Family.NARX:
+            return fit_hermite(
+                structure,
+                records.noise,
+                lambda one: ready(one, (), rate_hz, smooth, output=True),
+                1.0 / rate_hz,
+                round(HORIZON_S * rate_hz),
+            )
+        model = replace(structure.model(1.0 / rate_hz), effects=())
+        return fit_family(structure, model, [transformed if structure.effects else plain], _as_it_is)
+
+    models = {name: fit(structure) for name, structure in PRESETS.items()}
     return Fitted(rate_hz, models, effects, smooth, records.unseen, records.steps)
 
 

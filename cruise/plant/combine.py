@@ -147,7 +147,8 @@ class Combine:
         state.spool_current_ma, state.spool_friction = spool_ma, friction
         effective_ma = spool_ma - parameters.hysteresis.half_width_ma * friction
 
-        target = pump.target(parameters.pump, effective_ma, state.line_pressure_pa)
+        full_flow_m3ps = self._pump_m3_per_rad * state.engine_speed_radps
+        target = pump.target(parameters.pump, effective_ma, state.line_pressure_pa, full_flow_m3ps)
         swash = pump.advance(parameters.pump, state.swash, target, step_s)
         displacement = self._pump_m3_per_rad * 0.5 * (state.swash + swash)
         state.swash = swash
@@ -212,6 +213,8 @@ class Combine:
             self._grade_deg(),
             inputs.rolling_resistance,
             inputs.brake,
+            inputs.implement_drag_n,
+            inputs.pull_n,
         )
 
     def _grade_deg(self) -> float:

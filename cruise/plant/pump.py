@@ -2,14 +2,15 @@
 
     opening    r = s w ln(1 + exp((|u| - u_0) / w)) / (u_1 - u_0)            spool past its overlap, smooth edge
     bridge     b = (r^2 / (1 + r^2)) / (s^2 / (1 + s^2))                    pressure divider of two orifices
-    target     x_t = sign(u) b (1 - k p sign(u)), held by the stop |x_t| <= 1
+    target     x_t = sign(u) b (1 - k p sign(u)), held by the stop |x_t| <= 1 and, pumping, by p x_t D n <= P
     servo      dx/dt = e / sqrt(tau^2 + (e / R)^2),    e = x_t - x
 
 u effective current [mA], u_0 threshold [mA], u_1 current of full stroke [mA], w width of the overlap's edge [mA],
 s opening of the variable orifice at full stroke relative to the fixed one [-], x swash (displacement relative to the
 greatest) [-], p line pressure [Pa], k load sensitivity [1/Pa]: the pump has no mechanical feedback, the pressure's
 moment on the swash plate takes displacement away while pumping and adds some while motoring; tau small-signal lag [s],
-R greatest rate [1/s] that the control flow allows, Q = D n x flow [m3/s].
+R greatest rate [1/s] that the control flow allows, Q = D n x flow [m3/s], P power that the control lets the pump take
+[W].
 
 Source: M. Jelali, A. Kroll, Hydraulic Servo-systems (2003), ch. 4 (half bridges, displacement control); data sheets of
 axial piston pumps with non-feedback proportional electric control, 12 V, 400..1200 mA; the paper, section IV.C and
@@ -35,6 +36,7 @@ class PumpSettings(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     bridge_opening: Positive = 0.85  # s; below 0.5 nearly a parabola, above 2 flattening: 0.5..2
     bridge_share: Share = 1.0  # 1 meters through the half bridge, 0 a linear pressure-reducing valve
     stop: Positive = 1.0  # greatest swash angle, relative
+    power_kw: Positive = 300.0  # power control: 20..150; 300 is more than relief pressure times full flow, so none
     load_sensitivity_per_bar: NotNegative = 8e-4  # no mechanical feedback: 5..25 % less stroke at 250 bar: 2e-4..1e-3
     servo_lag_s: NotNegative = 0.12  # small strokes; control orifices of propel pumps: 0.08..0.4
     stroke_rate_per_s: Positive = 1.5  # neutral to full in 0.7 s; with orifices 0.4..3 s, so 0.3..2.5
@@ -64,11 +66,15 @@ def stroke(settings: PumpSettings, effective_ma: float) -> float:
     return copysign(share * bridge + (1.0 - share) * opening, effective_ma)
 
 
-def target(settings: PumpSettings, effective_ma: float, pressure_pa: float) -> float:
-    """Swash [-] at which the servo comes to rest under a line pressure [Pa]."""
+def target(settings: PumpSettings, effective_ma: float, pressure_pa: float, full_flow_m3ps: float) -> float:
+    """Swash [-] at which the servo comes to rest under a line pressure [Pa], for the flow [m3/s] of full swash."""
     unloaded = stroke(settings, effective_ma)
     loaded = unloaded * (1.0 - settings.load_sensitivity_per_bar * 1e-5 * copysign(pressure_pa, pressure_pa * unloaded))
-    return min(max(loaded, -settings.stop), settings.stop)
+    full_power_w = copysign(pressure_pa, pressure_pa * loaded) * full_flow_m3ps
+    stop = settings.stop
+    if full_power_w > 0.0:
+        stop = min(stop, 1e3 * settings.power_kw / full_power_w)
+    return min(max(loaded, -stop), stop)
 
 
 def advance(settings: PumpSettings, swash: float, target_swash: float, step_s: float) -> float:

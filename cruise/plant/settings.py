@@ -40,7 +40,7 @@ class EffectFactors(Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     rate_limit: NotNegative = 1.0  # greatest swash rate; 0: none
     engine_speed: NotNegative = 1.0  # departure of the set speed from rated speed
     engine_droop: NotNegative = 1.0  # droop of the governor
-    power_limit: NotNegative = 1.0  # full-load curve; 0: none, engine load then reads 0
+    power_limit: NotNegative = 1.0  # full-load curve, power control; 0: none, engine load then reads 0
     compressibility: NotNegative = 1.0  # oil volume of the line
     entrained_air: NotNegative = 1.0  # air in the oil
     leakage: NotNegative = 1.0  # leakage of pump and motor
@@ -99,6 +99,7 @@ def with_effects(settings: PlantSettings) -> PlantSettings:
             threshold_edge_ma=pump.threshold_edge_ma * e.dead_zone,
             bridge_share=min(pump.bridge_share * e.quadratic_gain, 1.0),
             stop=_limit(pump.stop, e.saturation),
+            power_kw=_limit(pump.power_kw, e.power_limit),
             load_sensitivity_per_bar=pump.load_sensitivity_per_bar * e.load_sensitivity,
             servo_lag_s=pump.servo_lag_s * e.servo_lag,
             stroke_rate_per_s=_limit(pump.stroke_rate_per_s, e.rate_limit),
@@ -154,6 +155,8 @@ def inputs_with_effects(settings: PlantSettings, inputs: Inputs) -> Inputs:
         grain_flow_kgps=float(inputs.grain_flow_kgps * e.grain_filling),
         brake=float(inputs.brake),
         clutch=bool(inputs.clutch),
+        implement_drag_n=float(inputs.implement_drag_n),
+        pull_n=float(inputs.pull_n),
     )
 
 

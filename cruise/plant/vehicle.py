@@ -1,28 +1,32 @@
 """The machine on its wheels: driveline, tyres, rolling resistance, slope, brake.
 
-    m_e dv/dt = limit(a p - F_c t) - (beta m g cos alpha + F_b) t - m g sin alpha - d v
-    q         = a v_wheel,   v_wheel = v + slip,   a = D i / r,   m_e = m + J (i / r)^2,   t = sign(v)
+    m_e dv/dt = limit(a p - F_c t) - (beta m g cos alpha + F_b + F_i) t - m g sin alpha - F_w - d v
+    q         = a (v_wheel + c |v|^e v),   v_wheel = v + slip,   a = D i / r,   m_e = m + J (i / r)^2,   t = sign(v)
 
 v ground speed [m/s], p line pressure [Pa], a displacement per travel [m3/m], D motor displacement [m3/rad], i turns of
 the motor per turn of the wheels [-], r rolling radius [m], m mass [kg], J inertia of the motor's shaft [kg m2], beta
-rolling resistance coefficient [-], F_c friction of the driveline [N], F_b brake [N], alpha slope [rad], d viscous drag
-[N s/m]. Dry friction holds the machine at standstill as long as it can. With the gear in neutral or the clutch pressed
-the motor turns freely: J dw/dt = D p - T_c sign(w) - c w.
+rolling resistance coefficient [-], F_c friction of the driveline [N], F_b brake [N], F_i resistance of an implement
+[N], F_w pull from outside [N], alpha slope [rad], d viscous drag [N s/m], c share of the flow that the motor loses at
+1 m/s [-], e its exponent [-]. Dry friction holds the machine at standstill as long as it can. With the gear in neutral
+or the clutch pressed the motor turns freely: J dw/dt = D p - T_c sign(w) - c w.
 
-Source: the paper, equations 1, 2, 8 and 9; ASAE D497 (rolling resistance 0.02 on concrete to 0.12 on soft soil);
-data sheets of fixed axial piston motors.
+Source: the paper, equations 1, 2, 8 and 9; W.E. Wilson, Positive-displacement pumps and fluid motors (1950), for the
+restriction loss; ASAE D497 (rolling resistance 0.02 on concrete to 0.12 on soft soil); data sheets of fixed axial
+piston motors.
 """
 
 from dataclasses import dataclass
 from math import copysign, cos, pi, radians, sin
+from typing import Annotated
 
-from msgspec import Struct
+from msgspec import Meta, Struct
 
 from cruise.plant import tyre
 from cruise.plant.bounds import NotNegative, Positive, Share
 from cruise.plant.line import LoadRate
 
 GRAVITY_MPS2 = 9.80665
+LOSS_AT_RADPS = 100.0 * pi  # 3000 rpm, the speed for which the share of the motor's speed loss stands
 
 
 class TransmissionSettings(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -36,6 +40,9 @@ class TransmissionSettings(Struct, frozen=True, kw_only=True, forbid_unknown_fie
     shaft_inertia_kgm2: Positive = 0.08  # motor 0.02 and the gearbox's input: 0.03..0.2
     shaft_friction_nm: NotNegative = 5.0  # 1..10
     shaft_drag_nms: NotNegative = 0.05  # 0.01..0.1
+    # Flow that the motor lets through at 3000 rpm without turning for it (restriction of its ports), and how it grows.
+    speed_loss_share: NotNegative = 0.0  # of its displacement: 0..0.1, good motors hardly any
+    speed_loss_exponent: Annotated[float, Meta(ge=0.5, le=4)] = 1.5  # of the shaft's speed: 1..3
     driveline_friction_n: NotNegative = 1500.0  # gears and final drives at the tread, 4 % of 40 kN: 500..3000
 
 
@@ -60,6 +67,8 @@ class Wheels:
     driveline_friction_n: float
     slope_n: float
     drag_n_per_mps: float
+    speed_loss: float
+    speed_loss_exponent: float
     greatest_traction_n: float
     slip_scale: float
 
@@ -75,11 +84,12 @@ class Wheels:
             traction_by_pressure = 0.0
         slip_flow = a * self.slip_scale
         resistance_n = self.dry_friction * direction - shaft_friction_n
+        lost = self.speed_loss * abs(speed) ** self.speed_loss_exponent if self.speed_loss else 0.0
         return LoadRate(
-            a * speed + slip_flow * slip,
+            a * speed * (1.0 + lost) + slip_flow * slip,
             traction_n - resistance_n - self.slope_n - self.drag_n_per_mps * speed,
             slip_flow * slip_by_use * a / greatest_n,
-            a + slip_flow * slip_by_speed,
+            a * (1.0 + lost * (1.0 + self.speed_loss_exponent)) + slip_flow * slip_by_speed,
             traction_by_pressure,
             -self.drag_n_per_mps,
         )
@@ -133,18 +143,26 @@ def wheels(
     grade_deg: float,
     rolling_resistance: float,
     brake: float,
+    implement_drag_n: float = 0.0,
+    pull_n: float = 0.0,
 ) -> Wheels:
-    """The machine as a load, for its mass, its coupling to the motor, the ground and the brake pedal [0..1]."""
+    """The machine as a load, for its mass, its coupling to the motor, the ground, the brake pedal [0..1] and forces."""
     slope_rad = radians(grade_deg)
+    exponent = transmission.speed_loss_exponent
     weight_n = mass_kg * GRAVITY_MPS2
     normal_n = weight_n * cos(slope_rad)
     return Wheels(
         inertia=mass_kg + transmission.shaft_inertia_kgm2 * shaft_per_travel_radpm**2,
         displacement_m3pm=motor_displacement_m3_per_rad(transmission) * shaft_per_travel_radpm,
-        dry_friction=rolling_resistance * normal_n + brake * vehicle.brake_force_n + transmission.driveline_friction_n,
+        dry_friction=rolling_resistance * normal_n
+        + brake * vehicle.brake_force_n
+        + implement_drag_n
+        + transmission.driveline_friction_n,
         driveline_friction_n=transmission.driveline_friction_n,
-        slope_n=weight_n * sin(slope_rad),
+        slope_n=weight_n * sin(slope_rad) + pull_n,
         drag_n_per_mps=vehicle.viscous_drag_n_per_mps,
+        speed_loss=transmission.speed_loss_share * (shaft_per_travel_radpm / LOSS_AT_RADPS) ** exponent,
+        speed_loss_exponent=exponent,
         greatest_traction_n=tyre.greatest_traction(rolling_resistance) * vehicle.driven_axle_share * normal_n,
         slip_scale=vehicle.slip_scale,
     )

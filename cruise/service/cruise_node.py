@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from cruise import settings as strict
 from cruise.can.codec import Codec
 from cruise.can.frame import Frame
+from cruise.can.messages import FAST_MESSAGE
 from cruise.can.node import CanopenNode, NodeStatus
 from cruise.control.commissioning import Commissioning, CommissioningLimits, Experiment, Experiments, check
 from cruise.control.controller import Command, Controller
@@ -24,7 +25,6 @@ from cruise.sampling import StreamSampler
 from cruise.service.settings import CruiseSettings
 from cruise.signals import CONTEXT, INPUT, OUTPUT, Sample
 
-FAST_MESSAGE = "DriveFeedback"  # speed and current that the model lives on; other messages only add context
 WHEEL_BASED = 0.0  # ISO 11783-7, SPN 4308: the drive's own speed comes from its gearbox
 PAUSE_S = 0.15  # s between two ticks, beyond which the drive may have gone to neutral: a paused process lets go
 SPEED_PERIOD_S = 0.1  # s, of the machine selected speed (ISO 11783-7)
@@ -187,7 +187,7 @@ class CruiseNode:
             return None
         period_s = self.estimator.factory.period_s
         means = self.sampler.sample(now_s, period_s)
-        signals = {name: means.get(name, math.nan) for name in CONTEXT}
+        signals = {name: means.get(name, math.nan) for name in (*CONTEXT, OUTPUT)}
         return Sample(
             now_s,
             means.get(INPUT, math.nan),

@@ -17,6 +17,7 @@ from cruise import settings as strict
 from cruise.can.bus import open_bus
 from cruise.can.codec import Codec
 from cruise.can.frame import Frame
+from cruise.can.messages import FAST_MESSAGE
 from cruise.control.commissioning import CommissioningSettings, Conditions, Experiment, Experiments, Progress
 from cruise.control.engagement import ExitReason
 from cruise.control.excitation import GRID_S, ROUNDING
@@ -26,7 +27,7 @@ from cruise.recording import MIN_SAMPLES, Recording, RecordingError
 from cruise.sampling import SamplingSettings, StreamSampler
 from cruise.service.combine_node import CombineNode
 from cruise.service.course import FieldRow, OperatorRow
-from cruise.service.cruise_node import FAST_MESSAGE, CruiseNode
+from cruise.service.cruise_node import CruiseNode
 from cruise.service.loop import Lockstep
 from cruise.service.operator_node import OperatorNode
 from cruise.service.settings import CruiseSettings

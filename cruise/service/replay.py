@@ -14,17 +14,17 @@ import numpy as np
 
 from cruise.can.codec import Codec
 from cruise.can.frame import Frame
-from cruise.can.log import read_log
+from cruise.can.messages import FAST_MESSAGE
 from cruise.identification.least_squares import fit
 from cruise.identification.shapes import ahead_rms_mps
-from cruise.recording import Recording, RecordingError, RecordingSettings, read_csv
+from cruise.recording import Recording, RecordingError, RecordingSettings
 from cruise.service.combine_node import MESSAGES
-from cruise.service.cruise_node import FAST_MESSAGE, CruiseNode
+from cruise.service.cruise_node import CruiseNode
+from cruise.service.recordings import frames_of_log, is_log, read_table
 from cruise.service.settings import CruiseSettings
 from cruise.signals import CONTEXT, INPUT, OUTPUT, Sample
 
 PAUSE_S: Final = 5.0  # s of silence between two files: longer than any signal stays fresh, so that nothing is joined
-BACK_S: Final = 1.0  # s, frames of several controllers may be that much out of order; more is a clock that was set
 LEAD_S: Final = 0.01  # s, first frame after the start of its file
 
 
@@ -81,29 +81,15 @@ def replay(
 
 
 def frames_of(path: str | Path, columns: RecordingSettings, sender: Codec) -> tuple[Iterator[Frame], list[str]]:
-    """The frames of a file, times from zero: a table by its name, a log otherwise.
+    """The frames of a file, times from zero: those of a log as they are, those of a table as a machine would send them.
 
     Beside them what was lost or mended, whole once the frames have been taken.
     """
-    if Path(path).suffix.lower() == ".csv":
-        table = read_csv(path, columns)
-        return _frames_of_table(table, sender), list(table.notes)
-    notes: list[str] = []
-    return _frames_of_log(path, notes), notes
-
-
-def _frames_of_log(path: str | Path, notes: list[str]) -> Iterator[Frame]:
-    origin_s, last_s = math.nan, 0.0
-    for frame in read_log(path):
-        if math.isnan(origin_s):
-            origin_s = math.floor(frame.timestamp)  # whole seconds: where a tick fell, it falls again
-        step_s = frame.timestamp - origin_s - last_s
-        if step_s > PAUSE_S or step_s < -BACK_S:
-            notes.append(f"time steps by {step_s:.1f} s at t={last_s:.1f} s; taken as a pause of {PAUSE_S:g} s")
-            origin_s += step_s - PAUSE_S
-        frame.timestamp -= origin_s
-        last_s = max(frame.timestamp, last_s)
-        yield frame
+    if is_log(path, columns):
+        notes: list[str] = []
+        return frames_of_log(path, notes), notes
+    table = read_table(path, columns)
+    return _frames_of_table(table, sender), list(table.notes)
 
 
 def judge(taught: Replayed, unseen: Sequence[Recording], horizon_s: float = 3.0) -> Judged:

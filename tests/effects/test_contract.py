@@ -12,11 +12,27 @@ from cruise.effects import EFFECTS, Stage, over
 from cruise.signals import SIGNALS
 
 SHAPES = {
-    "saturation": {"full_stroke_ma": 1100.0},
-    "dead_zone": {"threshold_ma": 350.0},
+    "saturation": {"full_stroke_ma": 1100.0, "knee_ma": 40.0},
+    "dead_zone": {"threshold_ma": 350.0, "edge_ma": 20.0},
     "quadratic_gain": {"curvature": 0.7},
+    "hysteresis": {"width_ma": 60.0},
+    "rate_limit": {"rate_ma_per_s": 700.0},
     "engine_speed": {"exponent": 1.0},
+    "engine_droop": {"droop_share": 0.1},
+    "power_limit": {"power_kw": 60.0, "stiffness": 2.0},
     "gear_ratio": {"gear_1_mps": 1.4, "gear_2_mps": 2.5, "gear_3_mps": 4.4, "gear_4_mps": 7.8},
+    "oil_temperature": {"loss_share": 0.08},
+    "speed_droop": {"droop_per_mps": 0.1},
+    "grade": {"mass_share": 0.6, "acceleration_share": 0.5},
+    "rolling_resistance": {"crossover_mps": 0.3},
+    "crop_load": {"rolling_pct_per_mps": 3.0, "inertia_pct_per_m2ps3": 6.0},
+    "coulomb_friction": {"crossover_mps": 0.1},
+    "leakage": {},
+    "transport_delay": {"delay_s": 0.3},
+    "active_braking": {"braking_pace": 0.6, "lag_s": 0.3, "time_constant_s": 0.8},
+    "resonance": {},
+    "sensor_bias": {},
+    "wheel_slip": {"share": 0.9, "filter_s": 0.4},
 }
 DT_S = 0.2
 
@@ -46,6 +62,7 @@ def test_needs_are_signals_that_exist(effect):
 def test_text_is_there_and_look_alikes_are_named(effect):
     for field in dataclasses.fields(effect.about):
         assert getattr(effect.about, field.name), field.name
+    assert set(effect.about.look_alikes) <= set(EFFECTS) - {effect.name}
 
 
 def test_bounds_hold_the_neutral_value(effect):
@@ -90,7 +107,7 @@ def test_neutral_parameters_remove_the_effect(effect):
     neutral = type(effect)(**{name: parameter.neutral for name, parameter in effect.parameters.items()})
     values, speeds, signals = recording(3)
     result, state = over(neutral, values, speeds, signals, DT_S)
-    if neutral.stage is not Stage.LOAD:  # a load's coefficient is linear: zero removes it, whatever its shape
+    if neutral.acts_as is not Stage.LOAD:  # a load's coefficient is linear: zero removes it, whatever its shape
         np.testing.assert_allclose(result, values, rtol=1e-12)
     np.testing.assert_allclose(neutral.pace(signals, state), 1.0, rtol=1e-12)
 
@@ -102,9 +119,63 @@ def test_an_unmeasured_signal_gives_no_number(effect):
         assert math.isnan(result)
 
 
+def test_it_acts_at_a_place_of_the_equation(effect):
+    assert effect.acts_as in set(Stage) - {Stage.SENSOR}
+    assert effect.acts_as is effect.stage or effect.stage is Stage.SENSOR
+
+
+def test_floats_give_floats_and_start_points_are_stepped_side_by_side(effect):
+    values, speeds, signals = recording(5, 12)
+    state, many = effect.start(0.0), effect.start(np.zeros(3))
+    for k in range(0, 12, 3):
+        three = slice(k, k + 3)
+        columns = {name: column[three] for name, column in signals.items()}
+        results, many = effect.step(values[three], speeds[three], columns, many, DT_S)
+        paces = effect.pace(columns, many)
+        now = {name: float(column[k]) for name, column in signals.items()}
+        result, state = effect.step(float(values[k]), float(speeds[k]), now, state, DT_S)
+        pace = effect.pace(now, state)
+        assert isinstance(result, float)
+        assert isinstance(pace, float)
+        assert np.broadcast_to(results, 3)[0] == pytest.approx(result, rel=1e-12)
+        assert np.broadcast_to(paces, 3)[0] == pytest.approx(pace, rel=1e-12)
+
+
+def test_several_shapes_are_stepped_at_once(effect):
+    neutral = {name: parameter.neutral for name, parameter in effect.parameters.items()}
+    shapes = [SHAPES[effect.name], neutral]
+    kind = type(effect)
+    both = kind(**{name: np.array([[shape[name]] for shape in shapes]) for name in neutral})
+    values, speeds, signals = recording(6, 20)
+    states = [one.start(values[:5] * 0.0) for one in (both, *(kind(**shape) for shape in shapes))]
+    for k in range(0, 20, 5):
+        five = slice(k, k + 5)
+        columns = {name: column[five] for name, column in signals.items()}
+        found = []
+        for i, one in enumerate((both, *(kind(**shape) for shape in shapes))):
+            result, states[i] = one.step(values[five], speeds[five], columns, states[i], DT_S)
+            found.append((result, one.pace(columns, states[i])))
+        for j in (0, 1):
+            together, *alone = (pair[j] for pair in found)
+            alone = [np.broadcast_to(one, 5) for one in alone]
+            np.testing.assert_allclose(np.broadcast_to(together, (2, 5)), alone, rtol=1e-12)
+
+
+def test_a_hole_in_the_recording_is_not_remembered(effect):
+    values, speeds, signals = recording(7)
+    values[20], speeds[25] = math.nan, math.nan
+    for name in effect.needs:
+        signals[name][30] = math.nan
+    result, state = over(effect, values, speeds, signals, DT_S)
+    holes = {20, 25, 30}
+    kept = [k for k in range(60) if k not in holes]
+    assert np.isfinite(np.broadcast_to(result, 60)[kept]).all()
+    assert np.isfinite(np.broadcast_to(effect.pace(signals, state), 60)[kept]).all()
+
+
 def test_an_effect_is_frozen(effect):
-    name = next(iter(effect.parameters))
-    with pytest.raises(dataclasses.FrozenInstanceError):
+    name = next(iter(effect.parameters), "anything")
+    with pytest.raises((dataclasses.FrozenInstanceError, TypeError)):  # the latter where there is no field at all
         setattr(effect, name, 1.0)
 
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cruise.effects import EFFECTS
+from cruise.effects import EFFECTS, Custom, Stage
 from cruise.effects.dead_zone import DeadZone
 from cruise.model import files
 from cruise.model.files import Provenance
@@ -22,7 +22,7 @@ finite = st.floats(-1e6, 1e6, allow_subnormal=False)
 @st.composite
 def effects(draw):
     """Any choice of effects, in any order, with any shapes within their bounds."""
-    names = draw(st.lists(st.sampled_from(sorted(EFFECTS)), unique=True))
+    names = draw(st.lists(st.sampled_from(sorted(EFFECTS)), unique=True, max_size=8))
     return tuple(
         EFFECTS[name](**{key: draw(st.floats(one.low, one.high)) for key, one in EFFECTS[name].parameters.items()})
         for name in names
@@ -33,7 +33,7 @@ def effects(draw):
 def models(draw):
     na, nb = draw(st.integers(0, 10)), draw(st.integers(1, 10))
     chosen = draw(effects())
-    size = na + nb + sum(effect.stage == "load" for effect in chosen) + 1
+    size = na + nb + sum(effect.acts_as == "load" for effect in chosen) + 1
     row = st.lists(finite, min_size=size, max_size=size).map(tuple)
     return Model(
         period_s=draw(st.sampled_from([0.01, 0.05, 0.1, 0.2, 1.0 / 3.0, 1.0])),
@@ -156,6 +156,81 @@ def test_a_mistake_says_where_and_what(tmp_path, mistake):
     with pytest.raises(SettingsError, match=complaint) as raised:
         files.load(path)
     assert str(path) in str(raised.value)
+
+
+HEADER = Custom("header", Stage.GAIN, "1 + p1*(header_height_mm - 300)", (("p1", -0.01, 0.01),), p1=2e-3)
+MUD = Custom("mud", Stage.LOAD, "-p1 * speed_mps", p1=-0.5)
+
+
+def test_terms_of_ones_own_read_back_equal_and_at_their_places(folder):
+    effects = (MUD, DeadZone(300.0), HEADER, Custom("bent", Stage.COMMAND, "value"))
+    model = Model(0.2, 1, 1, 3, effects, (0.5, 1e-3, 0.2, 0.0))
+    files.save(folder / "c.yaml", model, Provenance())
+    assert files.load(folder / "c.yaml") == model
+
+
+OWN = """\
+custom: {name: header, stage: gain, expression: "1 + p1*(header_height_mm - 300)"}
+"""
+SEVERAL = """\
+custom:
+- {name: header, stage: gain, expression: "1 + p1*(header_height_mm - 300)", bounds: {p1: [-0.01, 0.01]}}
+- {name: mud, stage: command, expression: "value * (1 - p1)"}
+"""
+
+
+def test_one_term_or_several_can_be_written_by_hand(tmp_path):
+    (tmp_path / "one.yaml").write_text(GOOD + OWN)
+    *_, header = files.load(tmp_path / "one.yaml").effects
+    assert header == Custom("header", Stage.GAIN, "1 + p1*(header_height_mm - 300)")
+    placed = GOOD.replace("  dead_zone", "  header: {p1: 0.005}\n  dead_zone")
+    (tmp_path / "several.yaml").write_text(placed + SEVERAL)
+    header, *_, mud = files.load(tmp_path / "several.yaml").effects
+    assert isinstance(header, Custom)
+    assert isinstance(mud, Custom)
+    assert (header.name, header.p1, header.parameters["p1"].high) == ("header", 0.005, 0.01)
+    assert (mud.name, mud.p1) == ("mud", 0.0)
+
+
+OWN_MISTAKES = {
+    "name taken": ("name: mud", "name: dead_zone", r"custom: name dead_zone: an effect has this name already"),
+    "name twice": ("name: mud", "name: header", r"custom: name header: an effect has this name already"),
+    "name no word": ("name: mud", 'name: "2nd"', r"custom\.2nd: name '2nd': use small letters"),
+    "stage impossible": ("stage: command", "stage: sensor", r"custom\.mud: stage sensor: .* command, gain, load"),
+    "stage unknown": ("stage: command", "stage: comand", r":14: custom\[1\]\.stage: .*comand.*did you mean command"),
+    "function misspelt": (
+        "value * (1",
+        "mix(value, 1) * (1",
+        r"custom\.mud: column 1: no function mix; did you mean m",
+    ),
+    "formula unfinished": ("(1 - p1)", "(1 - p1", r"custom\.mud: column 9: not an expression"),
+    "key misspelt": (
+        'expression: "value',
+        'expresion: "value',
+        r":14: custom\[1\]\.expresion: .*did you mean expression",
+    ),
+    "bounds of nothing": ("{p1: [-0.01", "{p2: [-0.01", r"custom\.header: bounds of p2, which is no parameter"),
+    "beyond its bounds": ("{p1: 0.005}", "{p1: 0.05}", r"effects\.header\.p1: 0\.05 is outside -0\.01 to 0\.01"),
+    "parameter not in it": ("{p1: 0.005}", "{p2: 0.005}", r"effects\.header: no parameter p2; known: p1"),
+}
+
+
+@pytest.mark.parametrize("mistake", OWN_MISTAKES)
+def test_a_mistake_in_a_term_of_ones_own_says_where_and_what(tmp_path, mistake):
+    before, after, complaint = OWN_MISTAKES[mistake]
+    text = GOOD.replace("  dead_zone", "  header: {p1: 0.005}\n  dead_zone") + SEVERAL
+    assert text.count(before) == 1
+    path = tmp_path / "model.yaml"
+    path.write_text(text.replace(before, after))
+    with pytest.raises(SettingsError, match=complaint) as raised:
+        files.load(path)
+    assert str(path) in str(raised.value)
+
+
+def test_a_mistake_in_a_single_term_says_where_and_what(tmp_path):
+    (tmp_path / "one.yaml").write_text(GOOD + OWN.replace("stage: gain", "stage: gian"))
+    with pytest.raises(SettingsError, match=r":11: custom\.stage: .*did you mean gain\?"):
+        files.load(tmp_path / "one.yaml")
 
 
 def test_no_such_file(tmp_path):

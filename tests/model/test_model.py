@@ -93,7 +93,7 @@ def test_the_recursion_is_the_equation_of_the_paper():
 
 @pytest.mark.parametrize("extra", [(), (Slow(0.5),), (Grade(),), (Slow(0.3), Grade())])
 def test_predicting_from_every_sample_equals_predicting_from_one(extra):
-    theta = (*THETA[:-1], *([0.02] if any(e.stage is Stage.LOAD for e in extra) else []), THETA[-1])
+    theta = (*THETA[:-1], *([0.02] if any(e.acts_as is Stage.LOAD for e in extra) else []), THETA[-1])
     model = Model(0.2, 2, 3, 2, (*extra, *EFFECTS), theta)
     current, signals = course()
     speeds = simulate(model, current, signals) + 0.05 * np.random.default_rng(1).standard_normal(len(current))

@@ -40,7 +40,7 @@ def recording(count: int = 120, seed: int = 0):
 
 
 def model(na: int, nb: int, delay: int, *effects: Effect) -> Model:
-    loads = sum(effect.stage is Stage.LOAD for effect in effects)
+    loads = sum(effect.acts_as is Stage.LOAD for effect in effects)
     theta = (*[0.5, 0.2, 0.1][:na], *[4e-4, 3e-4, 2e-4][:nb], *(-0.05,) * loads, 0.1)
     return Model(0.2, na, nb, delay, effects, theta)
 

@@ -79,15 +79,15 @@ def test_stroke_has_a_dead_zone_and_reaches_one_at_the_full_stroke_current() -> 
     assert pump.stroke(settings, settings.full_stroke_ma) == pytest.approx(1.0, rel=1e-3)
     halfway_ma = 0.5 * (settings.threshold_ma + settings.full_stroke_ma)
     assert 0.2 < pump.stroke(settings, halfway_ma) < 0.45, "between quadratic (0.25) and linear (0.5)"
-    assert pump.target(settings, 1300.0, 0.0) == settings.stop
+    assert pump.target(settings, 1300.0, 0.0, 4e-3) == settings.stop
 
 
 def test_pressure_takes_stroke_while_pumping_and_gives_some_while_motoring() -> None:
     settings = PumpSettings()
-    unloaded = pump.target(settings, 800.0, 0.0)
-    assert pump.target(settings, 800.0, 100e5) == pytest.approx(unloaded * (1.0 - 0.08))
-    assert pump.target(settings, 800.0, -100e5) == pytest.approx(unloaded * (1.0 + 0.08))
-    assert pump.target(settings, -800.0, -100e5) == pytest.approx(-unloaded * (1.0 - 0.08))
+    unloaded = pump.target(settings, 800.0, 0.0, 4e-3)
+    assert pump.target(settings, 800.0, 100e5, 4e-3) == pytest.approx(unloaded * (1.0 - 0.08))
+    assert pump.target(settings, 800.0, -100e5, 4e-3) == pytest.approx(unloaded * (1.0 + 0.08))
+    assert pump.target(settings, -800.0, -100e5, 4e-3) == pytest.approx(-unloaded * (1.0 - 0.08))
 
 
 @pytest.mark.parametrize(("start", "end"), [(0.1, 0.13), (0.0, 1.0), (0.9, 0.2), (-0.4, 0.5)])

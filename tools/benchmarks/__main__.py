@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from . import dart, driving, engaged, estimator, identification, learning, loop, plant, recovery
+from . import dart, driving, engaged, estimator, identification, learning, loop, opening, plant, recovery
 from .figures import Part, show
 
 PAPER = 140  # characters, width of the tables in a file
@@ -22,6 +22,7 @@ PARTS: dict[str, Callable[[], Part]] = {
     "together": engaged.together,  # offset, disturbance and drift at once
     "drive": driving.measure,  # the demo's figures
     "dart": dart.measure,  # measured drives
+    "opening": opening.measure,  # an hour's recording, in every kind of file
     "recovery": recovery.measure,  # known systems come back
     "identification": identification.measure,  # fits against peers, every model on measured drives
 }

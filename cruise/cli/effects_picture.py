@@ -1,0 +1,238 @@
+"""The picture of an effect: its own code, run over what it depends on."""
+
+import textwrap
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from cruise.cli.picture import BLUE, GREY, ORANGE
+from cruise.effects import Effect, Parameter, Stage, over
+from cruise.model.model import Model
+from cruise.signals import SIGNALS
+
+MODERATE, STRONG = 0.25, 0.5  # of the way from a parameter's neutral value to its farther bound
+PERIOD_S: Final = 0.05  # s
+DELAY, TIME_CONSTANT_S, GAIN_MPS_PER_MA = 8, 0.6, 2.5e-3  # of the machine that answers: 0.4 s, 2.5 m/s at 1000 mA
+RINGING_HZ, DAMPING = 0.7, 0.2  # of a pair of poles that an effect adds: tyres under a combine
+SETTLING_S, SETTLED_S = 0.5, 120.0  # step and time in s, after which an effect with a memory shows what it comes to
+SPEED: Final = "speed"  # stands for the speed one sample before among the names of signals
+
+RANGES: Final = {  # lowest, usual and highest value at work
+    SPEED: (-3.0, 1.5, 3.0),
+    "engine_speed_rpm": (1300.0, 2100.0, 2300.0),
+    "gear": (0.0, 3.0, 5.0),
+    "pitch_deg": (-15.0, 8.0, 15.0),
+    "machine_mass_kg": (12000.0, 18000.0, 25000.0),
+    "oil_temperature_c": (10.0, 70.0, 100.0),
+    "engine_load_pct": (0.0, 70.0, 120.0),
+    "line_pressure_bar": (-150.0, 150.0, 400.0),
+    "wheel_speed_mps": (0.0, 1.6, 3.0),
+    "ground_speed_mps": (0.0, 1.5, 3.0),
+}
+
+
+class Curve(NamedTuple):
+    """An effect of one shape, and how it is drawn."""
+
+    effect: Effect
+    label: str
+    style: dict[str, Any]
+
+
+Panel = Callable[[Any, Sequence[Curve]], None]
+
+
+def draw(subject: Effect, path: Path) -> Path:
+    """What the effect does, without it, moderate and strong; returns where the PNG went."""
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    from matplotlib import pyplot as plt
+
+    panels, drawn = panels_of(subject), curves(subject)
+    figure, axes = plt.subplots(1, len(panels), figsize=(6.5 * len(panels), 5.0), layout="constrained", squeeze=False)
+    for axis, panel in zip(axes[0], panels, strict=True):
+        panel(axis, drawn)
+        axis.grid(alpha=0.3)
+    lines = {line.get_label(): line for axis in axes[0] for line in axis.get_lines()}
+    figure.legend(handles=list(lines.values()), loc="outside lower left", fontsize="small")
+    title = textwrap.fill(f"{subject.name}:  {subject.about.equation}", 75 * len(panels))
+    figure.suptitle(title, x=0.01, ha="left", fontsize="medium")
+    figure.savefig(path, dpi=100)
+    plt.close(figure)
+    return path
+
+
+def panels_of(subject: Effect) -> list[Panel]:
+    """One panel for each thing that the effect depends on, and its answer to a step where that changes shape."""
+    panels: list[Panel] = []
+    if subject.acts_as is Stage.COMMAND:
+        panels += [_loop, _steps]
+    elif subject.acts_as in (Stage.GAIN, Stage.LOAD):
+        inputs = inputs_of(subject)
+        panels += [lambda axis, drawn, name=name: _static(axis, drawn, name) for name in inputs]
+    if type(subject).pace is not Effect.pace or type(subject).restructured is not Effect.restructured:
+        panels.append(_response)
+    return panels
+
+
+def inputs_of(subject: Effect) -> tuple[str, ...]:
+    """What a gain or a load depends on: the signals by name, and SPEED."""
+    return ((SPEED,) if subject.reads_speed else ()) + subject.needs + subject.helps
+
+
+def curves(subject: Effect) -> list[Curve]:
+    """The effect with neutral, moderate and strong shape; one curve where it has no shape."""
+    if not subject.parameters:
+        return [Curve(subject, subject.name, {"color": BLUE})]
+    styles = {0.0: {"color": GREY, "ls": "--"}, MODERATE: {"color": BLUE}, STRONG: {"color": ORANGE}}
+    return [
+        Curve(effect := subject.reshaped(**shape(subject, share)), _label(effect, share), style)
+        for share, style in styles.items()
+    ]
+
+
+def shape(subject: Effect, share: float) -> dict[str, float]:
+    """The parameters `share` of the way from neutral to the farther bound.
+
+    Several that are alike are spread out, the first towards its low bound, the last towards its high one: gears that
+    are all the same are no gears.
+    """
+    bounds = subject.parameters
+    if len(bounds) > 1 and len(set(bounds.values())) == 1:
+        sides = np.linspace(-share, share, len(bounds)).tolist()
+    else:
+        sides = [share if _ascends(bound) else -share for bound in bounds.values()]
+    return {name: _moved(bound, side) for (name, bound), side in zip(bounds.items(), sides, strict=True)}
+
+
+def _ascends(bound: Parameter) -> bool:
+    """Whether the high bound is the farther one: in ratio where only positive values are plausible."""
+    if bound.low > 0.0:
+        return bound.high / bound.neutral > bound.neutral / bound.low
+    return bound.high - bound.neutral >= bound.neutral - bound.low
+
+
+def _moved(bound: Parameter, side: float) -> float:
+    """From neutral towards the high bound by the share `side`, towards the low one where it is negative."""
+    target = bound.high if side > 0.0 else bound.low
+    if bound.low > 0.0:
+        return bound.neutral * (target / bound.neutral) ** abs(side)
+    return bound.neutral + abs(side) * (target - bound.neutral)
+
+
+def _label(effect: Effect, share: float) -> str:
+    told = [
+        f"{name} = {getattr(effect, name):.4g}{'' if bound.unit == '-' else f' {bound.unit}'}"
+        for name, bound in effect.parameters.items()
+    ]
+    return ", ".join(told) + ("" if share else " (neutral)")
+
+
+def usual() -> dict[str, float]:
+    """Every signal at its usual value."""
+    return {name: span(name)[1] for name in SIGNALS}
+
+
+def span(name: str) -> tuple[float, float, float]:
+    """Lowest, usual and highest value of a signal; those that can be believed where nothing closer is known."""
+    if name in RANGES:
+        return RANGES[name]
+    signal = SIGNALS[name]
+    return signal.low, 0.5 * (signal.low + signal.high), signal.high
+
+
+def _loop(axis: Any, drawn: Sequence[Curve]) -> None:
+    """A slow ramp of 100 mA/s up to full current forward, down to full current backward, and up again."""
+    up = np.arange(0.0, 1200.0, 5.0)
+    current_ma = np.concatenate([up, 1200.0 - up, -up, up - 1200.0, up])
+    for one in drawn:
+        output, _ = over(one.effect, current_ma, np.zeros(len(current_ma)), {}, PERIOD_S)
+        axis.plot(current_ma, output, label=one.label, lw=1.5, **one.style)
+    axis.set_title("over a slow ramp of 100 mA/s, up and down", loc="left", fontsize="medium")
+    axis.set_xlabel("current (mA)")
+    axis.set_ylabel("current that acts (mA)")
+
+
+def _steps(axis: Any, drawn: Sequence[Curve]) -> None:
+    """A great step and a small one, each up and down."""
+    time_s = np.arange(0.0, 8.0, 0.02)
+    current_ma = np.select(
+        [time_s < 1.0, time_s < 3.0, time_s < 5.0, time_s < 6.5], [500.0, 950.0, 500.0, 600.0], 500.0
+    )
+    axis.plot(time_s, current_ma, color=GREY, lw=0.8, label="current")
+    for one in drawn:
+        output, _ = over(one.effect, current_ma, np.zeros(len(time_s)), {}, 0.02)
+        axis.plot(time_s, output, label=one.label, lw=1.5, **one.style)
+    axis.set_title("over steps of 450 and 100 mA", loc="left", fontsize="medium")
+    axis.set_xlabel("time (s)")
+    axis.set_ylabel("current that acts (mA)")
+
+
+def _static(axis: Any, drawn: Sequence[Curve], name: str) -> None:
+    """What the effect comes to over one of its inputs, the others at their usual values."""
+    low, _, high = span(name)
+    whole = name == "gear"
+    x = np.arange(low, high) if whole else np.linspace(low, high, 301)
+    for one in drawn:
+        y = settled(one.effect, name, x)
+        marks = {"marker": "o", "lw": 0.8} if whole else {"lw": 1.5}
+        axis.plot(x, y, label=one.label, **marks, **one.style)
+    effect = drawn[0].effect
+    others = [other for other in inputs_of(effect) if other != name]
+    held = ", ".join(f"{_named(other)[0]} {span(other)[1]:g} {_named(other)[1]}" for other in others)
+    axis.set_title(f"at {held}" if held else "", loc="left", fontsize="medium")
+    axis.set_xlabel("{} ({})".format(*_named(name)))
+    axis.set_ylabel("gain g (-)" if effect.acts_as is Stage.GAIN else "force term phi, times its coefficient")
+
+
+def _named(name: str) -> tuple[str, str]:
+    """What is written at an axis: name and unit."""
+    return ("speed one sample before", "m/s") if name == SPEED else (name, SIGNALS[name].unit)
+
+
+def settled(effect: Effect, name: str, x: np.ndarray) -> np.ndarray:
+    """The output (N,) over the values `x` (N,) of one input, once it has been held for long enough."""
+    signals = {key: np.full(len(x), value) for key, value in usual().items()}
+    if name != SPEED:
+        signals[name] = x
+    speed = x if name == SPEED else np.full(len(x), RANGES[SPEED][1])
+    value, state = (1.0 if effect.acts_as is Stage.GAIN else 0.0), effect.start(np.zeros(len(x)))
+    result, state = effect.step(value, speed, signals, state, SETTLING_S)
+    if state is not None:
+        for _ in range(round(SETTLED_S / SETTLING_S)):
+            result, state = effect.step(value, speed, signals, state, SETTLING_S)
+    return np.broadcast_to(result, len(x))
+
+
+def _response(axis: Any, drawn: Sequence[Curve]) -> None:
+    """The speed of a first-order machine after a step up and one down, without the effect and with it."""
+    time_s = np.arange(0.0, 14.0, PERIOD_S)
+    current_ma = np.select([time_s < 1.0, time_s < 7.0], [400.0, 800.0], 400.0)
+    axis.plot(time_s, answer(None, current_ma), color=GREY, ls=":", lw=2.0, label="without")
+    for one in drawn:
+        axis.plot(time_s, answer(one.effect, current_ma), label=one.label, lw=1.5, **one.style)
+    orders = drawn[0].effect.restructured(1, 1, DELAY, PERIOD_S)
+    extra = f", poles of {RINGING_HZ:g} Hz and damping {DAMPING:g} added" if orders[0] > 1 else ""
+    axis.set_title(f"current from 400 to 800 mA and back{extra}", loc="left", fontsize="medium")
+    axis.set_xlabel("time (s)")
+    axis.set_ylabel("speed (m/s)")
+
+
+def answer(effect: Effect | None, current_ma: np.ndarray) -> np.ndarray:
+    """Speeds (N,) in m/s of the machine at rest in its first current; `effect` may change its structure."""
+    na, nb, delay = (1, 1, DELAY) if effect is None else effect.restructured(1, 1, DELAY, PERIOD_S)
+    denominator = np.array([1.0, -np.exp(-PERIOD_S / TIME_CONSTANT_S)])
+    radps = 2.0 * np.pi * RINGING_HZ
+    pole = np.exp(radps * PERIOD_S * (-DAMPING + 1j * np.sqrt(1.0 - DAMPING**2)))
+    for _ in range((na - 1) // 2):
+        denominator = np.convolve(denominator, [1.0, -2.0 * pole.real, abs(pole) ** 2])
+    drive = GAIN_MPS_PER_MA * float(np.sum(denominator))
+    theta = (*(-denominator[1:]).tolist(), drive, *(0.0,) * nb)
+    model = Model(PERIOD_S, na, nb, delay, () if effect is None else (effect,), theta)
+    signals, first = usual(), [float(current_ma[0])] * round(20.0 / PERIOD_S)
+    state = model.start(0.0, first[0], signals)
+    currents = [*first, *current_ma.tolist()]
+    return np.array(model.predict(state, currents, [signals] * len(currents))[len(first) :])

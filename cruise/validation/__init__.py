@@ -1,0 +1,1 @@
+"""Models against measurements: how good, how good at best, where they fail, and what they lack."""

@@ -1,0 +1,237 @@
+"""The effects that could be missing: what each needs, whether the recording says anything about it, where fits start.
+
+An effect whose signal is not recorded can't be blamed; one whose signal never moves is not excited, not absent.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final, Protocol
+
+import numpy as np
+
+from cruise.effects import EFFECTS, Effect, Parameter, Stage
+from cruise.recording import Recording
+from cruise.signals import INPUT, OUTPUT, SIGNALS
+from cruise.validation.explanation import CORE, Explanation
+from cruise.validation.unnamed import (
+    KNOTS,
+    POWERS,
+    SPEED,
+    UnnamedCurve,
+    UnnamedDirection,
+    UnnamedGain,
+    UnnamedLoad,
+    range_of,
+)
+
+SHARES: Final = (0.12, 0.5)  # of the way from a shape's neutral value to its far bound
+WIDE: Final = 5.0  # ratio of the bounds from which that way is walked in ratios
+CHAIN: Final = tuple(EFFECTS)  # order in which the current meets the effects: that of the table
+SAME: Final = 0.02  # relative spread of a signal below which it never moves
+CONSEQUENCES: Final[Mapping[str, float]] = {
+    # Engine load and line pressure answer to the drive itself: given them, anything looks explained.
+    "engine_load_pct": 0.85,
+    "line_pressure_bar": 0.85,
+    # Slip that is measured is there: nothing else makes wheel and ground speed differ.
+    "wheel_speed_mps": 1.1,
+}
+"""How much of its gain a candidate with this signal may keep when it is compared with others."""
+FLEXIBLE: Final = 0.85  # the same for a dependence without physics: any curve fits better than the right one with noise
+
+
+class Candidate(Protocol):
+    """Something that could be missing."""
+
+    @property
+    def name(self) -> str:
+        """Of the effect, or of the unnamed dependence."""
+        ...
+
+    @property
+    def credit(self) -> float:
+        """Share of its gain that counts against others."""
+        ...
+
+    @property
+    def longest_delay_s(self) -> float | None:
+        """Bound of the core's delay with it, where it is another than the model's own."""
+        ...
+
+    def grown(self, explanation: Explanation) -> Iterator[Explanation]:
+        """The explanation with the candidate, once for every place where a fit may start."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Refused:
+    """An effect that these recordings can't speak of, and why."""
+
+    effect: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class EffectCandidate:
+    """An effect of the table."""
+
+    name: str
+    credit: float = 1.0
+    longest_delay_s: float | None = None
+    given: Effect | None = None  # where a fit of it has been before
+
+    def grown(self, explanation: Explanation) -> Iterator[Explanation]:
+        """One start for each of a few strengths, or where it has been before."""
+        if self.given is not None:
+            yield with_effect(explanation, self.given)
+            return
+        kind = EFFECTS[self.name]
+        shapes = kind.parameters
+        for share in SHARES if shapes and self.name != "gear_ratio" else SHARES[:1]:
+            shape = {name: _on_the_way(bound, share) for name, bound in shapes.items()}
+            yield with_effect(explanation, kind() if self.name == "gear_ratio" else kind(**shape))
+
+
+@dataclass(frozen=True)
+class DelayCandidate:
+    """More dead time than the model's structure can represent."""
+
+    name: str = "transport_delay"
+    credit: float = 1.0
+    longest_delay_s: float | None = CORE["delay_s"].high
+
+    def grown(self, explanation: Explanation) -> Iterator[Explanation]:
+        """From the delay as it is, and from half a second more."""
+        structural = explanation.structural | {self.name}
+        for extra_s in (0.0, 0.5):
+            delay_s = min(explanation.core.delay_s + extra_s, CORE["delay_s"].high)
+            yield replace(explanation, core=replace(explanation.core, delay_s=delay_s), structural=structural)
+
+
+@dataclass(frozen=True)
+class ResonanceCandidate:
+    """A pair of complex poles between actuator and vehicle."""
+
+    name: str = "resonance"
+    credit: float = 1.0
+    longest_delay_s: float | None = None
+
+    def grown(self, explanation: Explanation) -> Iterator[Explanation]:
+        """From three frequencies."""
+        structural = explanation.structural | {self.name}
+        for frequency_hz in (0.5, 1.0, 1.8):
+            core = replace(explanation.core, resonance_share=0.4, resonance_hz=frequency_hz, damping=0.2)
+            yield replace(explanation, core=core, structural=structural)
+
+
+@dataclass(frozen=True)
+class UnnamedCandidate:
+    """A smooth dependence on a signal that no effect describes."""
+
+    signal: str
+    centre: float
+    half_width: float
+    credit: float = FLEXIBLE
+    longest_delay_s: float | None = None
+
+    @property
+    def name(self) -> str:
+        return f"unnamed:{self.signal}"
+
+    def grown(self, explanation: Explanation) -> Iterator[Explanation]:
+        """One start: no dependence."""
+        if self.signal == INPUT:
+            low = self.centre - self.half_width
+            knots = tuple(low + 2.0 * self.half_width * i / KNOTS for i in range(KNOTS))
+            yield with_effect(with_effect(explanation, UnnamedCurve(knots)), UnnamedDirection())
+            return
+        gain = UnnamedGain(self.signal, self.centre, self.half_width)
+        grown = with_effect(explanation, gain)
+        for power in POWERS:
+            grown = with_effect(grown, UnnamedLoad(self.signal, self.centre, self.half_width, power))
+        yield grown
+
+
+def candidates(recordings: Sequence[Recording], explanation: Explanation) -> tuple[list[Candidate], list[Refused]]:
+    """What could be missing beside `explanation`, and what these recordings can't speak of."""
+    found: list[Candidate] = []
+    refused = []
+    for name, kind in EFFECTS.items():
+        if name in explanation.names:
+            continue
+        reason = why_not(kind, recordings)
+        if reason:
+            refused.append(Refused(name, reason))
+        elif name == "transport_delay":
+            found.append(DelayCandidate())
+        elif name == "resonance":
+            found.append(ResonanceCandidate())
+        else:
+            credit = min((CONSEQUENCES.get(need, 1.0) for need in kind.needs if need != OUTPUT), default=1.0)
+            found.append(EffectCandidate(name, credit))
+    return found, refused
+
+
+def unnamed(recordings: Sequence[Recording], explanation: Explanation) -> list[UnnamedCandidate]:
+    """Every recorded signal as something on which the speed could depend in a way that is not in the table."""
+    found = []
+    for signal in (*recordings[0].columns, SPEED):
+        if signal in (OUTPUT, "pump_current_command_ma", "wheel_speed_mps") or not all(
+            signal == SPEED or signal in one.columns for one in recordings
+        ):
+            continue
+        source = OUTPUT if signal == SPEED else signal
+        centre, half_width = range_of(np.concatenate([one.columns[source] for one in recordings]))
+        if half_width > 0.0 and f"unnamed:{signal}" not in explanation.names:
+            found.append(UnnamedCandidate(signal, centre, half_width, FLEXIBLE * CONSEQUENCES.get(signal, 1.0)))
+    return found
+
+
+def why_not(kind: type[Effect], recordings: Sequence[Recording]) -> str:
+    """Why these recordings can't speak of an effect; empty where they can."""
+    for need in kind.needs:
+        if need == OUTPUT:
+            continue
+        if any(need not in one.columns or not np.isfinite(one.columns[need]).any() for one in recordings):
+            return f"{need} is not recorded"
+        values = np.concatenate([one.columns[need] for one in recordings])
+        values = values[np.isfinite(values)]
+        size = max(abs(float(np.median(values))), 1e-3 * (SIGNALS[need].high - SIGNALS[need].low))
+        if np.ptp(np.percentile(values, [1, 99])) < SAME * size:
+            return f"{need} never moves: it stays at {np.median(values):g} {SIGNALS[need].unit}"
+    return ""
+
+
+def with_effect(explanation: Explanation, effect: Effect) -> Explanation:
+    """The explanation with one effect more, at its place in the chain, its load at zero."""
+    return _with_effects(explanation, (*explanation.effects, effect))
+
+
+def without(explanation: Explanation, name: str) -> Explanation:
+    """The explanation without one effect, or without all the parts of an unnamed dependence."""
+    core = replace(explanation.core, resonance_share=0.0) if name == "resonance" else explanation.core
+    kept = tuple(effect for effect in explanation.effects if name not in (effect.name, owner(effect)))
+    return replace(_with_effects(explanation, kept), core=core, structural=explanation.structural - {name})
+
+
+def owner(effect: Effect) -> str:
+    """The candidate to which an effect belongs."""
+    if isinstance(effect, UnnamedCurve | UnnamedDirection):
+        return f"unnamed:{INPUT}"
+    return f"unnamed:{effect.signal}" if isinstance(effect, UnnamedGain | UnnamedLoad) else effect.name
+
+
+def _with_effects(explanation: Explanation, effects: Sequence[Effect]) -> Explanation:
+    loads = dict(zip((explanation.effects[i].name for i in explanation.at(Stage.LOAD)), explanation.loads, strict=True))
+    new = replace(explanation, effects=tuple(sorted(effects, key=lambda one: _place(one.name))), loads=())
+    return replace(new, loads=tuple(loads.get(new.effects[i].name, 0.0) for i in new.at(Stage.LOAD)))
+
+
+def _place(name: str) -> int:
+    return CHAIN.index(name) if name in CHAIN else len(CHAIN)
+
+
+def _on_the_way(bound: Parameter, share: float) -> float:
+    far = max((bound.low, bound.high), key=lambda value: abs(value - bound.neutral))
+    if min(bound.low, bound.neutral) > 0.0 and bound.high > WIDE * bound.low:
+        return bound.neutral * (far / bound.neutral) ** share
+    return bound.neutral + share * (far - bound.neutral)

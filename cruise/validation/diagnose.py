@@ -1,0 +1,258 @@
+"""Which physical effect is missing: nothing, one or more of the table, something unlisted, or two that look alike.
+
+Every candidate is fitted jointly with the core and judged on held-out blocks, at least 3 s ahead. What counts is how far
+the error falls, against every other candidate, the curves without physics among them. Consequences of the drive (engine
+load, line pressure) must explain more than a cause does to be believed.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Final
+
+import numpy as np
+
+from cruise.effects import EFFECTS
+from cruise.validation.candidates import Candidate, Refused, candidates, unnamed, without
+from cruise.validation.search import Judged, gain, sureness
+from cruise.validation.study import Study
+
+SEED: Final = 20051  # of the bootstrap
+LEAST_GAIN: Final = 0.15  # of the present loss: errors that fall by less than 8 % are a little of everything
+LEAST_SHARE: Final = 0.03  # of the first loss, for every further effect
+SURE: Final = 3.0  # standard errors, one-sided 0.001: some twenty candidates are tried
+KEEP: Final = 0.5  # of LEAST_GAIN: what an effect must still bring beside the others
+MOST_EFFECTS: Final = 4
+ALIKE: Final = 0.03  # log of the ratio of two losses below which no form of a model is exact enough to decide
+HALF_MARGIN: Final = 0.02  # margin at which a verdict is as often right as wrong
+STEEPNESS: Final = 1.5
+RIVALS: Final = 6  # alternatives for which an effect is exchanged once all are together
+UNNAMED: Final = "unnamed:"
+
+
+class Verdict(StrEnum):
+    """What the recordings say."""
+
+    MISSING = "missing"
+    NOTHING = "nothing"
+    UNLISTED = "unlisted"
+    AMBIGUOUS = "ambiguous"
+
+
+@dataclass(frozen=True, eq=False)
+class Tried:
+    """One candidate beside what was there before it."""
+
+    name: str
+    gain: float  # G: share of the loss that it takes away
+    counted: float  # of it, what counts against other candidates
+    sureness: float  # standard errors of the log ratio of the losses
+    judged: Judged
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """One step of the search: what was there, and everything that was tried beside it, best first."""
+
+    before: Judged
+    tried: tuple[Tried, ...]
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """An effect's line in the ranking: held-out RMS `horizon_s` ahead of the discrete models without and with it."""
+
+    effect: str
+    error_before_mps: float
+    error_after_mps: float
+    confidence: float
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """The verdict with everything that led to it."""
+
+    verdict: Verdict
+    effects: tuple[str, ...]
+    signals: tuple[str, ...]
+    ranking: tuple[Ranked, ...]
+    look_alikes: tuple[tuple[str, ...], ...]
+    next_experiment: str
+    confidence: float
+    margin: float  # what the confidence comes from
+    steps: tuple[Step, ...]
+    base: Judged
+    final: Judged  # with the effects that were chosen, an unnamed dependence too
+    refused: tuple[Refused, ...]
+    study: Study
+
+
+Show = Callable[[str], None]
+
+
+def diagnose(study: Study, show: Show = lambda text: None) -> Diagnosis:
+    """Search, decide, and rank."""
+    rng = np.random.default_rng(SEED)
+    base, steps, chosen, final, refused = _forward(study, rng, show)
+    named = tuple(name for name in chosen if not name.startswith(UNNAMED))
+    unlisted = bool(chosen) and chosen[0].startswith(UNNAMED)
+    places = () if unlisted else tuple(_place(study, name, steps, chosen, final, rng, show) for name in named)
+    alike = tuple((one.name, *one.alike) for one in places if one.alike)
+    margin = min((one.margin for one in places), default=_margin_of_silence(steps[0], unlisted))
+    confidence = confidence_of(margin)
+    ranking = _ranking(study, base, steps[0], named, confidence)
+    verdict, effects, signals, words = Verdict.MISSING, named, (), ""
+    if not chosen:
+        verdict = Verdict.NOTHING
+    elif unlisted:
+        verdict, effects = Verdict.UNLISTED, ()
+        signals = tuple(name.removeprefix(UNNAMED) for name in chosen if name.startswith(UNNAMED))
+        words = _vary(signals)
+    elif len(named) == 1 and alike:
+        verdict, effects = Verdict.AMBIGUOUS, alike[0]
+        words = " ".join(f"{name}: {EFFECTS[name].about.experiment}." for name in effects)
+    else:
+        words = EFFECTS[named[0]].about.experiment
+    return Diagnosis(
+        verdict=verdict,
+        effects=effects,
+        signals=signals,
+        ranking=ranking,
+        look_alikes=alike,
+        next_experiment=words,
+        confidence=confidence,
+        margin=margin,
+        steps=steps,
+        base=base,
+        final=final,
+        refused=tuple(refused),
+        study=study,
+    )
+
+
+def confidence_of(margin: float) -> float:
+    """How often a verdict with this margin is right, by blind trials (tools/blind_trial): 1 / (1 + (M / m)^k)."""
+    return 1.0 / (1.0 + (HALF_MARGIN / max(margin, 1e-9)) ** STEEPNESS)
+
+
+def _forward(
+    study: Study, rng: np.random.Generator, show: Show
+) -> tuple[Judged, tuple[Step, ...], list[str], Judged, list[Refused]]:
+    """Add the best candidate while it brings enough; after each, drop what it makes superfluous."""
+    search, base = study.search, study.base
+    present, steps, chosen = base, [], []
+    refused: list[Refused] = []
+    while len(chosen) < MOST_EFFECTS:
+        possible, cannot = candidates(study.recordings, present.explanation)
+        refused = refused or cannot
+        everyone: list[Candidate] = [*possible, *unnamed(study.recordings, present.explanation)]
+        fits = []
+        for candidate in everyone:
+            show(f"trying {_in_words(candidate.name)}" + (f" beside {', '.join(chosen)}" if chosen else ""))
+            fits.append(search.grown(present.explanation, candidate))
+        if not steps:
+            search.learn_disturbance(present.fit, fits)
+            base = present = search.judged("", present.fit)
+        tried = []
+        for candidate, one in zip(everyone, fits, strict=True):
+            judged = search.judged(candidate.name, one)
+            mine = gain(present, judged)
+            tried.append(Tried(candidate.name, mine, mine * candidate.credit, sureness(present, judged, rng), judged))
+        tried.sort(key=lambda one: -one.counted)
+        steps.append(Step(present, tuple(tried)))
+        best = tried[0]
+        enough = best.gain >= LEAST_GAIN and best.sureness >= SURE
+        if chosen:
+            enough = enough and present.loss - best.judged.loss >= LEAST_SHARE * base.loss
+        if not enough:
+            break
+        chosen.append(best.name)
+        present = best.judged
+        if best.name.startswith(UNNAMED):
+            break
+        for name in chosen[:-1]:
+            other = search.judged("", search.fitted(without(present.explanation, name)))
+            if gain(other, present) < KEEP * LEAST_GAIN:
+                chosen.remove(name)
+                present = other
+    return base, tuple(steps), chosen, present, refused
+
+
+@dataclass(frozen=True)
+class Place:
+    """A chosen effect against all others in its place."""
+
+    name: str
+    margin: float  # log of the loss of the best other over its own, both as they count
+    alike: tuple[str, ...]  # effects that do as well
+
+
+def _place(
+    study: Study,
+    name: str,
+    steps: Sequence[Step],
+    chosen: Sequence[str],
+    final: Judged,
+    rng: np.random.Generator,
+    show: Show,
+) -> Place:
+    """The effect against the best of the others, the rest of the model as it is in the end."""
+    if len(chosen) == 1:
+        mine, others = steps[0].tried[0], steps[0].tried[1:]
+    else:
+        search = study.search
+        rest = without(final.explanation, name)
+        before = search.judged("", search.fitted(rest))
+        step = next(one for one in steps if any(tried.name == name for tried in one.tried))
+        best = [one.name for one in step.tried if one.name not in chosen][:RIVALS]
+        possible, _ = candidates(study.recordings, rest)
+        everyone: list[Candidate] = [*possible, *unnamed(study.recordings, rest)]
+        trials = []
+        for candidate in everyone:
+            if candidate.name != name and candidate.name not in best:
+                continue
+            if candidate.name != name:
+                show(f"trying {_in_words(candidate.name)} in place of {name}")
+            judged = final if candidate.name == name else search.judged(candidate.name, search.grown(rest, candidate))
+            part = gain(before, judged)
+            trials.append(Tried(candidate.name, part, part * candidate.credit, sureness(before, judged, rng), judged))
+        mine = next(one for one in trials if one.name == name)
+        others = tuple(sorted((one for one in trials if one is not mine), key=lambda one: -one.counted))
+    margins = {one.name: math.log((1.0 - one.counted) / (1.0 - mine.counted)) for one in others}
+    alike = tuple(
+        one.name
+        for one in others
+        if not one.name.startswith(UNNAMED) and one.gain >= LEAST_GAIN and margins[one.name] < ALIKE
+    )
+    return Place(name, min(margins.values(), default=1.0), alike)
+
+
+def _margin_of_silence(first: Step, unlisted: bool) -> float:
+    """The margin of a verdict that names no effect: to the threshold, or to the best effect."""
+    if unlisted:
+        mine = first.tried[0]
+        best = max((one.counted for one in first.tried if not one.name.startswith(UNNAMED)), default=0.0)
+        return math.log((1.0 - best) / (1.0 - mine.counted))
+    return math.log((1.0 - first.tried[0].gain) / (1.0 - LEAST_GAIN)) if first.tried else 1.0
+
+
+def _ranking(study: Study, base: Judged, first: Step, chosen: Sequence[str], confidence: float) -> tuple[Ranked, ...]:
+    search, horizon_s = study.search, study.horizon_s
+    before = search.ahead_rms_mps(base, horizon_s)  # with the whole recording's structure, every sample held out
+    named = [one for one in first.tried if not one.name.startswith(UNNAMED)]
+    weights = {one.name: math.exp(min(one.counted, 1.0) / ALIKE) for one in named}
+    total = sum(weights.values())
+    lines = []
+    for one in named:
+        mine = confidence if one.name in chosen else (1.0 - confidence) * weights[one.name] / total
+        lines.append(Ranked(one.name, before, search.ahead_rms_mps(one.judged, horizon_s), mine))
+    return tuple(lines)
+
+
+def _in_words(name: str) -> str:
+    return f"any dependence on {name.removeprefix(UNNAMED)}" if name.startswith(UNNAMED) else name
+
+
+def _vary(signals: Sequence[str]) -> str:
+    return f"hold everything else and move {' and '.join(signals)} alone, slowly and in steps, over the whole range"

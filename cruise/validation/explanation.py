@@ -1,0 +1,61 @@
+"""An explanation of a recording: the physical core with the effects that act beside it, and its discrete model.
+
+The core's parameters, the coefficients of the loads and the shapes of the effects stand in one vector, so that they
+are fitted jointly: a core that is held fixed gets its error blamed on the wrong effect.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Final
+
+from cruise.effects import Effect, Parameter, Stage
+from cruise.model.core import Core
+from cruise.model.model import Model
+
+LONGEST_LAG_S: Final = 2.0  # s, of the actuator; slower belongs to the vehicle
+CORE: Final[Mapping[str, Parameter]] = {
+    "gain_mps_per_ma": Parameter("m/s per mA", -1.0, 1.0, 0.0, "steady speed per mA of drive"),
+    "delay_s": Parameter("s", 0.0, 2.0, 0.3, "dead time between current and drive"),
+    "lag_s": Parameter("s", 0.02, LONGEST_LAG_S, 0.15, "lag of the actuator"),
+    "time_constant_s": Parameter("s", 0.03, 10.0, 0.6, "time constant of the vehicle"),
+}
+RESONANCE: Final[Mapping[str, Parameter]] = {
+    "resonance_share": Parameter("-", 0.0, 1.0, 0.0, "share of the drive that passes through the resonance"),
+    "resonance_hz": Parameter("Hz", 0.25, 2.4, 1.0, "frequency of the resonance, undamped"),
+    "damping": Parameter("-", 0.03, 0.9, 0.2, "damping of the resonance"),
+}
+"""Shape parameters of the core and where they may lie."""
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """Core, effects and coefficients. `loads` in m/s of steady speed per unit of phi, in the order of the effects."""
+
+    core: Core
+    effects: tuple[Effect, ...] = ()
+    loads: tuple[float, ...] = ()
+    offset_mps: float = 0.0
+    structural: frozenset[str] = field(default_factory=frozenset)  # effects that live in the core: resonance ...
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The effects that it holds, those of the core's structure too."""
+        return (*(effect.name for effect in self.effects), *sorted(self.structural))
+
+    def at(self, stage: Stage) -> tuple[int, ...]:
+        """Places of the effects that act at a stage."""
+        return tuple(i for i, effect in enumerate(self.effects) if effect.acts_as is stage)
+
+    def model(self, period_s: float, like: Model | None = None) -> Model:
+        """The discrete model that estimator and controller run: equal to this one up to the last taps' tail.
+
+        `like` fixes its delay and number of taps, to compare parameters of explanations that differ by little.
+        """
+        a = self.core.pole(period_s)
+        delay, share = self.core.taps(period_s)
+        if like is not None:
+            delay, share = like.delay, self.core.response(period_s, like.delay + like.nb)[like.delay :]
+        b = (1.0 - a) * self.core.gain_mps_per_ma * share
+        c = [(1.0 - a) * load for load in self.loads]
+        theta = (a, *b.tolist(), *c, (1.0 - a) * self.offset_mps)
+        return Model(period_s, 1, len(b), delay, self.effects, theta)

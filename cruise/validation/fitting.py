@@ -1,0 +1,172 @@
+"""Joint fit of core, coefficients and shapes to the simulated speed: output error, by trust-region Gauss-Newton.
+
+    minimise over p  || F e(p) ||^2,   e(p) measured minus simulated speed at least 3 s after the last measured one
+
+p holds the core's gain, delay, lag and time constant, the offset, a coefficient for each load and the shapes of all
+effects. F whitens a disturbance that nobody recorded (an autoregression on the residual; identity where there is
+none): with it, equal evidence counts equally. The derivatives are forward differences, all simulated at once. Source:
+L. Ljung, System Identification, 2nd ed. 1999, chapters 7 and 10; solver: scipy's least_squares (Branch, Coleman, Li).
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from scipy import optimize
+
+from cruise.effects import Stage
+from cruise.validation.explanation import CORE, RESONANCE, Explanation
+from cruise.validation.simulation import Scene
+
+STEP: Final = 1e-4  # of a parameter's range, for the differences
+TOLERANCE: Final = 1e-4  # relative change of cost and parameters at which a fit has ended
+MOST_STEPS: Final = 25
+FAR: Final = 1e3  # bounds of coefficients, in units of their own scale
+
+
+@dataclass(frozen=True)
+class Slot:
+    """One fitted number: what it belongs to, its bounds, the size of a typical change."""
+
+    owner: str  # core, an effect, or offset
+    name: str
+    low: float
+    high: float
+    scale: float
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Which numbers of an explanation are fitted, and how a vector becomes an explanation again."""
+
+    start: Explanation
+    slots: tuple[Slot, ...]
+
+    @cached_property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        return np.array([slot.low for slot in self.slots]), np.array([slot.high for slot in self.slots])
+
+    @cached_property
+    def scale(self) -> np.ndarray:
+        return np.array([slot.scale for slot in self.slots])
+
+    @cached_property
+    def vector(self) -> np.ndarray:
+        one, values = self.start, []
+        effects = {effect.name: effect for effect in one.effects}
+        loads = dict(zip((one.effects[i].name for i in one.at(Stage.LOAD)), one.loads, strict=True))
+        for slot in self.slots:
+            if slot.owner == "core":
+                values.append(getattr(one.core, slot.name))
+            elif slot.owner == "offset":
+                values.append(one.offset_mps)
+            elif slot.name == "load":
+                values.append(loads[slot.owner])
+            else:
+                values.append(getattr(effects[slot.owner], slot.name))
+        low, high = self.bounds
+        return np.clip(np.array(values, float), low, high)
+
+    def explanation(self, vector: np.ndarray) -> Explanation:
+        one = self.start
+        core, shapes, loads = {}, {}, {}
+        offset_mps = one.offset_mps
+        for slot, value in zip(self.slots, vector.tolist(), strict=True):
+            if slot.owner == "core":
+                core[slot.name] = value
+            elif slot.owner == "offset":
+                offset_mps = value
+            elif slot.name == "load":
+                loads[slot.owner] = value
+            else:
+                shapes.setdefault(slot.owner, {})[slot.name] = value
+        effects = tuple(
+            effect.reshaped(**shapes[effect.name]) if effect.name in shapes else effect for effect in one.effects
+        )
+        kept = tuple(loads.get(one.effects[i].name, old) for i, old in zip(one.at(Stage.LOAD), one.loads, strict=True))
+        return replace(one, core=replace(one.core, **core), effects=effects, loads=kept, offset_mps=offset_mps)
+
+
+def layout(start: Explanation, longest_delay_s: float, gain_scale: float, free: Callable[[str], bool]) -> Layout:
+    """All numbers of `start` that are free: the core's, the offset, every load, the shapes that `free` lets go."""
+    slots = [Slot("core", "gain_mps_per_ma", -FAR * gain_scale, FAR * gain_scale, gain_scale)]
+    for name in ("delay_s", "lag_s", "time_constant_s"):
+        bound = CORE[name]
+        high = longest_delay_s if name == "delay_s" else bound.high
+        slots.append(Slot("core", name, bound.low, high, 0.3))
+    if "resonance" in start.structural:
+        slots += [Slot("core", name, b.low, b.high, 0.3 * (b.high - b.low)) for name, b in RESONANCE.items()]
+    slots.append(Slot("offset", "offset_mps", -FAR, FAR, 0.1))
+    for effect in start.effects:
+        if effect.acts_as is Stage.LOAD:
+            slots.append(Slot(effect.name, "load", -FAR if effect.either_sign else 0.0, FAR, 0.1))
+        for name, bound in effect.parameters.items():
+            if free(f"{effect.name}.{name}"):
+                slots.append(Slot(effect.name, name, bound.low, bound.high, 0.2 * (bound.high - bound.low)))
+    return Layout(start, tuple(slots))
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A fitted explanation with what is needed to judge it: errors (N,), derivatives (N, p), both whitened too."""
+
+    layout: Layout
+    vector: np.ndarray
+    error_mps: np.ndarray
+    jacobian: np.ndarray
+    cost: float  # mean of the squared, whitened error
+
+    @cached_property
+    def explanation(self) -> Explanation:
+        return self.layout.explanation(self.vector)
+
+
+class Objective:
+    """Errors and derivatives of a layout over a scene."""
+
+    def __init__(self, scene: Scene, plan: Layout, whiten: Callable[[np.ndarray], np.ndarray]) -> None:
+        self.scene, self.plan, self.whiten = scene, plan, whiten
+        self.evaluations = 0
+
+    def errors(self, vectors: Sequence[np.ndarray]) -> np.ndarray:
+        """(P, N), raw, NaN where nothing is judged or a signal is missing."""
+        self.evaluations += len(vectors)
+        return self.scene.errors([self.plan.explanation(vector) for vector in vectors])
+
+    def residual(self, vector: np.ndarray) -> np.ndarray:
+        return np.nan_to_num(self.whiten(self.errors([vector]))[0], posinf=1e3, neginf=-1e3)
+
+    def jacobian(self, vector: np.ndarray) -> np.ndarray:
+        return self.differences(vector)[1]
+
+    def differences(self, vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Whitened error (N,) and its derivatives (N, p)."""
+        _, high = self.plan.bounds
+        size = STEP * self.plan.scale
+        step = np.where(vector + size > high, -size, size)
+        shifted = [vector] + [vector + np.eye(len(vector))[i] * step[i] for i in range(len(vector))]
+        errors = np.nan_to_num(self.whiten(self.errors(shifted)), posinf=1e3, neginf=-1e3)
+        return errors[0], ((errors[1:] - errors[0]) / step[:, None]).T
+
+
+def fit(scene: Scene, plan: Layout, whiten: Callable[[np.ndarray], np.ndarray], steps: int = MOST_STEPS) -> Fit:
+    """The least squares fit from where the plan starts."""
+    objective = Objective(scene, plan, whiten)
+    low, high = plan.bounds
+    room = 1e-9 * plan.scale
+    start = np.clip(plan.vector, low + room, high - room)
+    found = optimize.least_squares(
+        objective.residual,
+        start,
+        jac=objective.jacobian,  # type: ignore[arg-type]
+        bounds=(low, high),
+        x_scale=plan.scale,
+        ftol=TOLERANCE,
+        xtol=TOLERANCE,
+        gtol=1e-9,
+        max_nfev=steps,
+    )
+    error = objective.errors([found.x])[0]
+    return Fit(plan, found.x, error, np.asarray(found.jac), float(2.0 * found.cost / max(scene.judged.sum(), 1)))

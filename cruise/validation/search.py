@@ -1,0 +1,203 @@
+"""The search for what is missing: every candidate is fitted jointly with the core and judged on what it has not seen.
+
+    gain of a candidate  G = 1 - L_candidate / L_without,   L mean squared held-out error, at least 3 s ahead
+
+Forward: the candidate with the greatest gain is added while that gain is large enough to matter and certain enough to
+believe. Backward: what a later effect explains is dropped again. Then each effect that stayed is exchanged for every
+other one: those that do as well can't be told apart on this recording.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from cruise.model import prediction
+from cruise.validation.candidates import Candidate
+from cruise.validation.disturbance import Disturbance, disturbance_of
+from cruise.validation.explanation import Explanation
+from cruise.validation.fitting import Fit, Layout, Objective, fit, layout
+from cruise.validation.simulation import Scene
+
+FOLDS: Final = 6
+BLOCK_S: Final = 20.0  # s: longer than any disturbance that the autoregression leaves behind
+DAMPING: Final = 1e-3  # of the diagonal, in the step to a fold's parameters: directions that nothing excites stay
+QUICK_STEPS: Final = 4  # of the solver, to choose among several starts
+ORDINARY_STEPS: Final = 20
+BOOTSTRAPS: Final = 400
+
+Show = Callable[[str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """A fit with its held-out errors: mean squares in every block of time (B,), raw and whitened."""
+
+    candidate: str
+    fit: Fit
+    folds: tuple[np.ndarray, ...]  # the parameters that each fold's training part wants
+    error_mps: np.ndarray  # (N,), held out, NaN where nothing is judged
+    raw: np.ndarray
+    white: np.ndarray
+    weight: np.ndarray  # (B,) judged samples of each block
+
+    @property
+    def explanation(self) -> Explanation:
+        return self.fit.explanation
+
+    @property
+    def loss(self) -> float:
+        """Mean squared held-out error in m2/s2."""
+        return float(np.average(self.raw, weights=self.weight))
+
+    @property
+    def white_loss(self) -> float:
+        return float(np.average(self.white, weights=self.weight))
+
+
+class Search:
+    """Fits and judges explanations of one scene."""
+
+    def __init__(self, scene: Scene, longest_delay_s: float, gain_scale: float, fixed: frozenset[str]) -> None:
+        self.scene = scene
+        self.longest_delay_s, self.gain_scale = longest_delay_s, gain_scale
+        self.starts = tuple(part.start for part in scene.parts)
+        self.disturbance = Disturbance((), self.starts)
+        self.blocks = _blocks(scene)
+        self.fixed = fixed  # shapes that nothing in the recordings moves
+
+    # -- fits
+
+    def plan(self, start: Explanation, longest_delay_s: float | None = None) -> Layout:
+        limit_s = self.longest_delay_s if longest_delay_s is None else longest_delay_s
+        return layout(start, limit_s, self.gain_scale, lambda name: name not in self.fixed)
+
+    def fitted(self, start: Explanation, longest_delay_s: float | None = None, steps: int = ORDINARY_STEPS) -> Fit:
+        return fit(self.scene, self.plan(start, longest_delay_s), _as_it_is, steps)
+
+    def grown(self, explanation: Explanation, candidate: Candidate) -> Fit:
+        """The best joint fit of the explanation with the candidate, from every start that the candidate offers."""
+        limit_s = candidate.longest_delay_s
+        options = list(candidate.grown(explanation))
+        if len(options) == 1:
+            return self.fitted(options[0], limit_s)
+        quick = [self.fitted(option, limit_s, QUICK_STEPS) for option in options]
+        best = min(quick, key=lambda one: one.cost)
+        return fit(self.scene, replace(best.layout, start=best.explanation), _as_it_is, ORDINARY_STEPS)
+
+    def judged(self, name: str, found: Fit) -> Judged:
+        """Held-out errors: for every fold the parameters move to where the rest of the recording wants them."""
+        objective = Objective(self.scene, found.layout, _as_it_is)
+        error, slopes = objective.differences(found.vector)
+        low, high = found.layout.bounds
+        scale = found.layout.scale
+        slopes = slopes * scale
+        held = self.blocks % FOLDS
+        products = np.array([slopes[held == i].T @ slopes[held == i] for i in range(FOLDS)])
+        pulls = np.array([slopes[held == i].T @ error[held == i] for i in range(FOLDS)])
+        vectors = []
+        for i in range(FOLDS):
+            curvature = products.sum(axis=0) - products[i]
+            damped = curvature + np.diag(DAMPING * np.diag(curvature) + 1e-12 * np.trace(curvature) + 1e-30)
+            # The full fit's own remaining pull is no news of the fold: only what the fold takes away counts.
+            step = np.linalg.solve(damped, pulls[i])
+            vectors.append(np.clip(found.vector + scale * np.clip(step, -1.0, 1.0), low, high))
+        errors = objective.errors(vectors)
+        unseen = errors[held, np.arange(len(held))]
+        white = self.disturbance.whiten(errors)[held, np.arange(len(held))]
+        return Judged(name, found, tuple(vectors), unseen, *self._by_block(unseen, white))
+
+    def covariance(self, found: Fit) -> np.ndarray:
+        """Covariance (p, p) of the fitted numbers: a sandwich over blocks of time, which coloured errors don't fool."""
+        error, slopes = Objective(self.scene, found.layout, _as_it_is).differences(found.vector)
+        scale = found.layout.scale
+        slopes = slopes * scale
+        curvature = slopes.T @ slopes
+        inverse = np.linalg.pinv(curvature, rcond=1e-10, hermitian=True)
+        pulls = np.zeros((int(self.blocks.max()) + 1, len(scale)))
+        np.add.at(pulls, self.blocks, slopes * error[:, None])
+        return inverse @ (pulls.T @ pulls) @ inverse * np.outer(scale, scale)
+
+    def ahead_rms_mps(self, judged: Judged, horizon_s: float) -> float:
+        """RMS in m/s of the discrete model's error `horizon_s` ahead, every sample by the fold that has not seen it."""
+        horizon = max(round(horizon_s / self.scene.period_s), 1)
+        errors = [
+            self.ahead_errors(judged.fit.layout.explanation(vector), horizon, self.blocks % FOLDS == i)
+            for i, vector in enumerate(judged.folds)
+        ]
+        joined = np.concatenate(errors)
+        return float(np.sqrt(np.mean(joined**2))) if len(joined) else math.nan
+
+    def ahead_errors(self, one: Explanation, horizon: int, shown: np.ndarray | None = None) -> np.ndarray:
+        """Errors in m/s of the discrete model so many samples ahead, at the samples `shown` (N,) that have one."""
+        scene, errors = self.scene, []
+        model = one.model(scene.period_s)
+        for part, recording in zip(scene.parts, scene.recordings, strict=True):
+            signals = {name: scene.signals[name][part] for name in model.uses if name in scene.signals}
+            with np.errstate(over="ignore", invalid="ignore"):
+                speed = prediction.ahead(model, recording.input, recording.output, signals, horizon)
+            error = recording.output - speed
+            errors.append(error[np.isfinite(error) & (shown[part] if shown is not None else True)])
+        return np.concatenate(errors)
+
+    def _by_block(self, raw: np.ndarray, white: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        count = int(self.blocks.max()) + 1
+        known = np.isfinite(raw)
+        weight = np.bincount(self.blocks[known], minlength=count)
+        squares = np.bincount(self.blocks[known], np.minimum(raw[known] ** 2, 1e6), minlength=count)
+        sure = np.isfinite(white)
+        weight_white = np.bincount(self.blocks[sure], minlength=count)
+        whites = np.bincount(self.blocks[sure], np.minimum(white[sure] ** 2, 1e6), minlength=count)
+        held = (weight > 0) & (weight_white > 0)
+        return squares[held] / weight[held], whites[held] / weight_white[held], weight[held].astype(float)
+
+    # -- what nobody recorded
+
+    def learn_disturbance(self, base: Fit, others: Sequence[Fit]) -> None:
+        """The autoregression of what is left when everything that any candidate could explain is taken away."""
+        error = base.error_mps
+        columns = [Objective(self.scene, base.layout, _as_it_is).differences(base.vector)[1]]
+        columns += [(error - other.error_mps)[:, None] for other in others]
+        everything = np.nan_to_num(np.column_stack(columns), posinf=0.0, neginf=0.0)
+        size = np.linalg.norm(everything, axis=0)
+        everything = everything[:, size > 0] / size[size > 0]
+        known = np.isfinite(error)
+        share, *_ = np.linalg.lstsq(everything[known], error[known], rcond=1e-6)
+        self.disturbance = disturbance_of(np.where(known, error - everything @ share, np.nan), self.starts)
+
+
+def gain(without: Judged, with_it: Judged) -> float:
+    """G, from the raw and the whitened error in equal parts: slow evidence counts, but not as if it were much."""
+    raw = with_it.loss / without.loss
+    white = with_it.white_loss / without.white_loss
+    return 1.0 - float(np.sqrt(raw * white))
+
+
+def sureness(without: Judged, with_it: Judged, rng: np.random.Generator) -> float:
+    """How many standard errors the log ratio of the losses lies below zero: bootstrap over the blocks of time."""
+    picks = rng.integers(0, len(without.weight), (BOOTSTRAPS, len(without.weight)))
+    ratios = []
+    for one, other in ((without.raw, with_it.raw), (without.white, with_it.white)):
+        first = (one * without.weight)[picks].sum(axis=1)
+        second = (other * without.weight)[picks].sum(axis=1)
+        ratios.append(np.log(second / first))
+    mean = 0.5 * (ratios[0] + ratios[1])
+    spread = float(mean.std())
+    return float(-mean.mean() / spread) if spread > 0 else 0.0
+
+
+def _as_it_is(errors: np.ndarray) -> np.ndarray:
+    return errors
+
+
+def _blocks(scene: Scene) -> np.ndarray:
+    """The block of time (N,) of every sample; none reaches over two recordings."""
+    result, first = np.zeros(len(scene), dtype=int), 0
+    for part in scene.parts:
+        samples = part.stop - part.start
+        count = max(round(samples * scene.period_s / BLOCK_S), 1)
+        result[part] = first + np.arange(samples) * count // samples
+        first += count
+    return result

@@ -1,0 +1,253 @@
+"""Simulation of recordings by many explanations side by side, in segments that each start at a measured speed.
+
+    y_k = pi_k [ a y_(k-1) + (1 - a)(K g_k w_k + sum_m c_m phi_m,k + c_0) ] + (1 - pi_k) y_(k-1),   w = h * f(u)
+
+Every segment starts `WARM_UP_S` before the first sample on which it is judged and ends `JUDGED_S` after it; the judged
+parts of all segments tile the recording. So every error is that of a prediction at least 3 s ahead, no disturbance is
+dragged along for longer than a segment, and all segments advance together as one array. What doesn't read the speed
+is computed ahead of the recursion, once for all explanations that agree on it.
+"""
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+from scipy import signal
+
+from cruise.effects import Effect, Stage, over
+from cruise.model.core import Core
+from cruise.recording import Recording
+from cruise.signals import OUTPUT
+from cruise.validation.explanation import Explanation
+
+WARM_UP_S: Final = 3.0  # s, the paper's horizon: what a prediction at least has to reach, unless told otherwise
+JUDGED_S: Final = 6.0  # s; longer costs more steps, shorter more starts
+CACHED: Final = 400  # arrays; older ones are forgotten
+
+
+class Raw:
+    """The current of one recording at the rate of its measurement, and the samples of which each mean is one."""
+
+    def __init__(self, fine: Recording, coarse: Recording) -> None:
+        self.dt_s = fine.dt_s
+        self.current_ma = fine.input
+        edges = np.concatenate([[coarse.time_s[0] - coarse.dt_s], coarse.time_s]) + 0.01 * fine.dt_s
+        self.edges = np.searchsorted(fine.time_s, edges)
+        self.same = len(fine) == len(coarse)
+
+    def means(self, values: np.ndarray) -> np.ndarray:
+        """Means (N,) of `values` over each period; NaN where one of them is."""
+        if self.same:
+            return values
+        total = np.concatenate([[0.0], np.cumsum(np.nan_to_num(values))])
+        holes = np.concatenate([[0], np.cumsum(np.isnan(values))])
+        count = np.diff(self.edges)
+        known = (np.diff(holes[self.edges]) == 0) & (count > 0)
+        return np.where(known, np.diff(total[self.edges]) / np.maximum(count, 1), np.nan)
+
+
+class Scene:
+    """Recordings of one period, laid out for simulation. `judged` (N,) says which samples have an error.
+
+    `raw` are the same recordings as they were measured, or None: what reshapes the current happens at their rate, for
+    the mean of a reshaped current is not the reshaped mean.
+    """
+
+    def __init__(
+        self,
+        recordings: Sequence[Recording],
+        signals: Sequence[str],
+        raw: Sequence[Recording] | None = None,
+        horizon_s: float = WARM_UP_S,
+    ) -> None:
+        self.period_s = recordings[0].dt_s
+        self.recordings = tuple(recordings)
+        self.raw = [Raw(fine, one) for fine, one in zip(raw or recordings, recordings, strict=True)]
+        self.speed_mps = np.concatenate([one.output for one in recordings])
+        self.current_ma = np.concatenate([one.input for one in recordings])
+        self.signals = {
+            name: np.concatenate([one.output if name == OUTPUT else one.columns[name] for one in recordings])
+            for name in signals
+        }
+        ends = np.cumsum([len(one) for one in recordings])
+        self.parts = [slice(int(end) - len(one), int(end)) for end, one in zip(ends, recordings, strict=True)]
+        self._lay_out(horizon_s)
+        self._cache: dict[Any, Any] = {}
+
+    def __len__(self) -> int:
+        return len(self.speed_mps)
+
+    def _lay_out(self, horizon_s: float) -> None:
+        warm_up, judged = (max(round(span / self.period_s), 1) for span in (horizon_s, JUDGED_S))
+        starts, stops = [], []
+        for part in self.parts:
+            first = part.start + 1
+            while first + warm_up - 1 < part.stop:
+                starts.append(first)
+                stops.append(min(first + warm_up + judged, part.stop))
+                first += judged
+        self.steps = np.array(starts, int)[None, :] + np.arange(warm_up + judged)[:, None]  # (T, S)
+        inside = self.steps < np.array(stops, int)[None, :]
+        self.steps = np.minimum(self.steps, max(len(self) - 1, 0))
+        self.shown = inside & (np.arange(warm_up + judged) >= warm_up - 1)[:, None]
+        # The last warm-up sample is a prediction 3 s ahead already; the next segment begins to be judged where this
+        # one ends, so one sample in each segment would be judged twice.
+        self.shown[-1] = False
+        self.judged = np.zeros(len(self), dtype=bool)
+        self.judged[self.steps[self.shown]] = True
+        past = self.speed_mps[self.steps[0] - 1] if len(starts) else np.zeros(0)
+        self.start_mps = past
+
+    # -- what does not depend on the speed, computed once
+
+    def _kept(self, key: Any, make: Any) -> Any:
+        if key not in self._cache:
+            if len(self._cache) > CACHED:
+                self._cache.clear()
+            self._cache[key] = make()
+        return self._cache[key]
+
+    def over(self, effect: Effect, values: Any, key: Any) -> tuple[Any, Any]:
+        """An effect over all recordings, (N,) and its state: begun anew in each."""
+
+        def make() -> tuple[Any, Any]:
+            results, states = [], []
+            for part in self.parts:
+                now = {name: column[part] for name, column in self.signals.items() if name in effect.uses}
+                value = values[part] if isinstance(values, np.ndarray) else values
+                past = self.speed_mps[part]
+                result, state = over(effect, value, past, now, self.period_s)
+                results.append(np.broadcast_to(result, len(past)))
+                states.append(state)
+            return np.concatenate(results), _joined(states)
+
+        return self._kept((effect, key), make)
+
+    def drive(self, effects: Sequence[Effect]) -> tuple[np.ndarray, Any]:
+        """f(u) (N,) in mA and what identifies it."""
+        key = tuple(effects)
+        return self._kept((key, "drive"), lambda: self._driven(key)), key
+
+    def _driven(self, effects: Sequence[Effect]) -> np.ndarray:
+        parts = []
+        for raw in self.raw:
+            value, still = raw.current_ma, np.zeros(len(raw.current_ma))
+            for effect in effects:
+                value, _ = over(effect, value, still, {}, raw.dt_s)
+            parts.append(raw.means(np.asarray(value)))
+        return np.concatenate(parts)
+
+    def felt(self, core: Core, drive: np.ndarray, key: Any) -> np.ndarray:
+        """w = h * f(u) (N,) in mA: what arrives at the vehicle."""
+        shape = (core.delay_s, core.lag_s, core.resonance_share, core.resonance_hz, core.damping)
+
+        def make() -> np.ndarray:
+            delay, share = core.taps(self.period_s)
+            taps = np.concatenate([np.zeros(delay), share])
+            result = np.empty(len(self))
+            for part in self.parts:
+                held = np.concatenate([np.full(len(taps) - 1, drive[part.start]), drive[part]])
+                result[part] = signal.convolve(held, taps, mode="valid", method="direct")
+            return result
+
+        return self._kept((shape, key, "felt"), make)
+
+    # -- the recursion
+
+    def simulate(self, batch: Sequence[Explanation]) -> np.ndarray:
+        """Speeds (P, N) in m/s by P explanations with the same kinds of effects; NaN where nothing is judged."""
+        first = batch[0]
+        effects = first.effects
+        chain = [i for i, effect in enumerate(effects) if effect.stage in (Stage.COMMAND, Stage.DYNAMICS)]
+        reading = [i for i, effect in enumerate(effects) if effect.reads_speed]
+        forced = np.empty((len(batch), len(self)))
+        gained = np.empty_like(forced)  # K g w without the gains that read the speed
+        paces: list[np.ndarray | None] = []
+        for row, one in enumerate(batch):
+            drive, key = self.drive([one.effects[i] for i in chain if one.effects[i].stage is Stage.COMMAND])
+            felt = self.felt(one.core, drive, key)
+            pace = None
+            for i in range(len(effects)):
+                effect = one.effects[i]
+                if type(effect).pace is not Effect.pace:
+                    state = self.over(effect, drive, (key, "paced"))[1] if effect.stage is Stage.DYNAMICS else None
+                    mine = self._kept((effect, key, "pace"), lambda e=effect, s=state: e.pace(self.signals, s))
+                    pace = mine if pace is None else pace * mine
+            paces.append(pace)
+            gain = one.core.gain_mps_per_ma * felt
+            load = np.full(len(self), one.offset_mps)
+            place = 0
+            for i in range(len(effects)):
+                effect = one.effects[i]
+                if effect.acts_as is Stage.GAIN and i not in reading:
+                    gain = gain * self.over(effect, 1.0, "gain")[0]
+                elif effect.acts_as is Stage.LOAD:
+                    if i not in reading:
+                        load += one.loads[place] * self.over(effect, 0.0, "load")[0]
+                    place += 1
+            gained[row], forced[row] = gain, load
+        poles = np.array([one.core.pole(self.period_s) for one in batch])[:, None]
+        known = [np.broadcast_to(one, len(self)) for one in paces if one is not None]
+        pace = np.array(known) if known else None
+        return self._recursion(batch, poles, gained, forced, pace, reading)
+
+    def _recursion(
+        self,
+        batch: Sequence[Explanation],
+        poles: np.ndarray,
+        gained: np.ndarray,
+        forced: np.ndarray,
+        pace: np.ndarray | None,
+        reading: Sequence[int],
+    ) -> np.ndarray:
+        result = np.full((len(batch), len(self)), np.nan)
+        if not self.steps.size:
+            return result
+        effects = batch[0].effects
+        places = {i: place for place, i in enumerate(batch[0].at(Stage.LOAD))}
+        stacked = {i: _stacked([one.effects[i] for one in batch]) for i in reading}
+        loads = {i: np.array([one.loads[places[i]] for one in batch])[:, None] for i in reading if i in places}
+        needed = {name for i in reading for name in effects[i].uses}
+        signals = {name: self.signals[name][self.steps] for name in needed if name in self.signals}
+        speed = np.broadcast_to(self.start_mps, (len(batch), self.steps.shape[1]))
+        memory = {i: stacked[i].start(np.zeros(speed.shape)) for i in reading}
+        drive = (1.0 - poles) * (gained + forced)  # what it is where nothing reads the speed
+        for step, at in enumerate(self.steps):
+            if reading:
+                now = {name: column[step] for name, column in signals.items()}
+                gain, load = gained[:, at], forced[:, at]
+                for i in reading:
+                    if i in loads:
+                        phi, memory[i] = stacked[i].step(0.0, speed, now, memory[i], self.period_s)
+                        load = load + loads[i] * phi
+                    else:
+                        gain, memory[i] = stacked[i].step(gain, speed, now, memory[i], self.period_s)
+                fresh = poles * speed + (1.0 - poles) * (gain + load)
+            else:
+                fresh = poles * speed + drive[:, at]
+            speed = fresh if pace is None else speed + pace[:, at] * (fresh - speed)
+            shown = self.shown[step]
+            if shown.any():
+                result[:, at[shown]] = speed[:, shown]
+        return result
+
+    def errors(self, batch: Sequence[Explanation]) -> np.ndarray:
+        """Measured minus simulated speed (P, N) in m/s, NaN where nothing is judged."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            return self.speed_mps - self.simulate(batch)
+
+
+def _stacked(effects: Sequence[Effect]) -> Effect:
+    """One effect whose shape parameters are columns (P, 1): P effects that step together."""
+    if all(effect == effects[0] for effect in effects):
+        return effects[0]
+    shape = {name: np.array([getattr(effect, name) for effect in effects])[:, None] for name in effects[0].parameters}
+    return effects[0].reshaped(**shape)
+
+
+def _joined(states: Sequence[Any]) -> Any:
+    if states[0] is None:
+        return None
+    if isinstance(states[0], tuple):
+        return tuple(np.concatenate(parts) for parts in zip(*states, strict=True))
+    return np.concatenate(states)

@@ -1,0 +1,125 @@
+"""A study: recordings laid out for the search, and the explanation that a model stands for, fitted to them.
+
+Whatever the model's own orders are, its effects act beside the physical core; what of its delay and order can be
+represented is kept as the bound of the core's delay. A model that can't represent the delay lacks `transport_delay`.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from cruise.effects import EFFECTS, Effect
+from cruise.identification.preparation import at_period
+from cruise.identification.regressors import FitError
+from cruise.identification.structures import Family, Structure
+from cruise.model.core import Core
+from cruise.model.model import Model
+from cruise.recording import Recording
+from cruise.signals import OUTPUT
+from cruise.validation.candidates import (
+    Candidate,
+    DelayCandidate,
+    EffectCandidate,
+    ResonanceCandidate,
+    why_not,
+)
+from cruise.validation.explanation import Explanation
+from cruise.validation.search import Judged, Search
+from cruise.validation.simulation import JUDGED_S, WARM_UP_S, Scene
+
+START: Final = Core(0.0, 0.3, 0.15, 0.6)  # a machine of this class; the gain comes from the recordings
+SHORTEST_S: Final = 60.0  # s of data in which anything can be judged held-out
+
+Show = Callable[[str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """Recordings at the model's period, and what is fitted to them."""
+
+    recordings: tuple[Recording, ...]
+    search: Search
+    base: Judged
+    horizon_s: float
+
+    @property
+    def period_s(self) -> float:
+        return self.search.scene.period_s
+
+
+def study(
+    recordings: Sequence[Recording],
+    structure: Structure,
+    file: Model | None,
+    period_s: float,
+    horizon_s: float = WARM_UP_S,
+    show: Show = lambda text: None,
+) -> Study:
+    """The model, or structure, fitted to the recordings as an explanation. FitError says what is in the way."""
+    if structure.family is Family.NARX:
+        raise FitError("a NARX model has polynomials in place of effects: diagnose an arx, armax or oe model")
+    prepared = at_period(recordings, period_s)
+    effects: tuple[Effect, ...] = file.effects if file else tuple(EFFECTS[name]() for name in structure.effects)
+    for effect in effects:
+        reason = why_not(type(effect), prepared) if effect.name in EFFECTS else ""
+        if reason and "never moves" not in reason:
+            raise FitError(f"the model's {effect.name} can't be computed: {reason}; record it, or leave the effect out")
+    shared = set.intersection(*(set(one.columns) for one in prepared))
+    scene = Scene(prepared, sorted(shared | {OUTPUT}), recordings, horizon_s)
+    if scene.judged.sum() * period_s < SHORTEST_S:
+        raise FitError(
+            f"{scene.judged.sum() * period_s:.0f} s of the recordings can be judged, too little: record "
+            f"{SHORTEST_S:g} s or more, in stretches of at least {horizon_s + JUDGED_S:g} s without a hole"
+        )
+    known = np.isfinite(scene.current_ma) & np.isfinite(scene.speed_mps)
+    if np.ptp(scene.current_ma[known]) == 0.0:
+        raise FitError(
+            "the current never changes, there is nothing to learn from: drive the machine, or choose --input"
+        )
+    slope = float(np.polyfit(scene.current_ma[known], scene.speed_mps[known], 1)[0])
+    longest_s = min((structure.delay_s or 0.0) + (structure.nb - 0.5) * period_s, 2.0)
+    search = Search(scene, longest_s, max(abs(slope) / 3.0, 1e-6), _fixed(effects, prepared))
+    explanation = Explanation(replace(START, gain_mps_per_ma=slope, delay_s=min(START.delay_s, 0.5 * longest_s)))
+    show("fitting the core")
+    found = search.fitted(explanation)
+    for effect in effects:
+        show(f"fitting with {effect.name}")
+        found = search.grown(found.explanation, EffectCandidate(effect.name, given=effect if file else None))
+    return Study(tuple(prepared), search, search.judged("", found), horizon_s)
+
+
+def candidate(name: str) -> Candidate:
+    """The candidate of a name in the table of effects."""
+    return {"transport_delay": DelayCandidate(), "resonance": ResonanceCandidate()}.get(name) or EffectCandidate(name)
+
+
+def discrete(one: Study, judged: Judged) -> Model:
+    """The model that estimator and controller run, its standard errors carried over from those of the physical core."""
+    layout, vector = judged.fit.layout, judged.fit.vector
+    model = judged.explanation.model(one.period_s)
+    covariance = one.search.covariance(judged.fit)
+    size = 1e-4 * layout.scale
+    _, high = layout.bounds
+    step = np.where(vector + size > high, -size, size)
+    there = np.asarray(judged.explanation.model(one.period_s, model).theta)
+    slopes = np.empty((len(there), len(vector)))
+    for i in range(len(vector)):
+        moved = layout.explanation(vector + np.eye(len(vector))[i] * step[i]).model(one.period_s, model)
+        slopes[:, i] = (np.asarray(moved.theta) - there) / step[i]
+    std = np.sqrt(np.maximum(np.diag(slopes @ covariance @ slopes.T), 0.0))
+    ahead = one.search.ahead_errors(judged.explanation, 1)
+    return replace(model, theta_std=tuple(std.tolist()), residual_std_mps=float(np.sqrt(np.mean(ahead**2))))
+
+
+def _fixed(effects: Sequence[Effect], recordings: Sequence[Recording]) -> frozenset[str]:
+    """Shapes that these recordings say nothing about: of gears that were not driven, and the reference gear."""
+    driven = set()
+    for one in recordings:
+        if "gear" in one.columns:
+            gear = one.columns["gear"]
+            driven |= {int(value) for value in np.unique(gear[np.isfinite(gear)])}
+    unknown = {f"gear_ratio.gear_{i}_mps" for i in (1, 2, 3, 4) if i not in driven}
+    reference = {"gear_ratio.gear_2_mps"}
+    return frozenset(unknown | reference)

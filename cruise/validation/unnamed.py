@@ -1,0 +1,163 @@
+"""Dependences that no effect of the table describes: smooth functions of one recorded signal, as the catch-all.
+
+    gain  g = 1 + p_1 z + p_2 z^2 + p_3 z^3      load  phi_i = z^i      command  f(u) = u + sum_i p_i max(u - u_i, 0)
+    z = clip((s - centre) / half width of the middle 96 %, -1.5, 1.5)
+
+They compete with the effects on the same data, as flexible as any curve that could be drawn, and without physics: where
+one of them explains much more than every effect, what is missing depends on that signal and is not in the table.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Final
+
+import numpy as np
+
+from cruise.effects import Effect, Parameter, Stage
+from cruise.effects.effect import About, State, Value, clip
+from cruise.signals import Signals
+
+POWERS: Final = (1, 2, 3)
+FARTHEST: Final = 1.5  # half widths; beyond, a cubic says anything
+KNOTS: Final = 4
+DIRECTION_S: Final = 1.0  # s over which the current's direction is felt
+DIRECTION_MA: Final = 10.0  # mA by which it must have moved
+_CURVE: Final = {f"p{i}": Parameter("-", -0.9, 0.9, 0.0, f"coefficient of power {i}") for i in POWERS}
+_ABOUT: Final = About(
+    physics="Not an effect of the table: a smooth dependence on one recorded signal.",
+    equation="g = 1 + p_1 z + p_2 z^2 + p_3 z^3;  phi = z^i",
+    source="none",
+    signature="the residual depends on this signal",
+    look_alikes=("every effect that this signal moves with",),
+    experiment="move this signal alone, everything else held",
+)
+
+
+@dataclass(frozen=True)
+class Unnamed(Effect):
+    """What the dependences have in common: the signal, and how it is brought to -1..1."""
+
+    about: ClassVar = _ABOUT
+    parameters: ClassVar = {}
+
+    signal: str
+    centre: float
+    half_width: float
+
+    @property
+    def needs(self) -> tuple[str, ...]:  # type: ignore[override]
+        return () if self.signal == SPEED else (self.signal,)
+
+    @property
+    def reads_speed(self) -> bool:  # type: ignore[override]
+        return self.signal == SPEED
+
+    def reshaped(self, **shape: Any) -> "Unnamed":
+        return replace(self, **shape)
+
+    def scaled(self, past_speed: Value, signals: Signals) -> Value:
+        """z, without unit."""
+        value = past_speed if self.signal == SPEED else signals[self.signal]
+        return clip((value - self.centre) / self.half_width, -FARTHEST, FARTHEST)
+
+
+SPEED: Final = "speed_mps"  # the model's own, one sample ago
+
+
+@dataclass(frozen=True)
+class UnnamedGain(Unnamed):
+    """The gain as a cubic of a signal."""
+
+    stage = Stage.GAIN
+    parameters: ClassVar = _CURVE
+
+    p1: float = 0.0
+    p2: float = 0.0
+    p3: float = 0.0
+
+    @property
+    def name(self) -> str:  # type: ignore[override]
+        return f"{self.signal}:gain"
+
+    def step(self, value: Value, past_speed: Value, signals: Signals, state: State, dt_s: float) -> tuple[Value, State]:
+        """The gain so far times the cubic."""
+        z = self.scaled(past_speed, signals)
+        return value * (1.0 + z * (self.p1 + z * (self.p2 + z * self.p3))), state
+
+
+@dataclass(frozen=True)
+class UnnamedLoad(Unnamed):
+    """One power of a signal as a load of either sign."""
+
+    stage = Stage.LOAD
+    either_sign: ClassVar = True
+
+    power: int = 1
+
+    @property
+    def name(self) -> str:  # type: ignore[override]
+        return f"{self.signal}:load{self.power}"
+
+    def step(self, value: Value, past_speed: Value, signals: Signals, state: State, dt_s: float) -> tuple[Value, State]:
+        """z to its power."""
+        return self.scaled(past_speed, signals) ** self.power, state
+
+
+@dataclass(frozen=True)
+class UnnamedCurve(Effect):
+    """A broken line of the current."""
+
+    about: ClassVar = _ABOUT
+    stage = Stage.COMMAND
+    name = "current:curve"
+    needs = ()
+    parameters: ClassVar = {f"p{i}": Parameter("-", -3.0, 3.0, 0.0, f"kink at knot {i}") for i in range(KNOTS)}
+
+    knots_ma: tuple[float, ...]
+    p0: float = 0.0
+    p1: float = 0.0
+    p2: float = 0.0
+    p3: float = 0.0
+
+    def reshaped(self, **shape: Any) -> "UnnamedCurve":
+        return replace(self, **shape)
+
+    def step(self, value: Value, past_speed: Value, signals: Signals, state: State, dt_s: float) -> tuple[Value, State]:
+        """The current with its slope changed at every knot."""
+        kinks = (self.p0, self.p1, self.p2, self.p3)
+        return value + sum(
+            kink * clip(value - knot, 0.0, math.inf) for kink, knot in zip(kinks, self.knots_ma, strict=True)
+        ), state
+
+
+@dataclass(frozen=True)
+class UnnamedDirection(Effect):
+    """A load of either sign that depends on whether the current has been rising or falling."""
+
+    about: ClassVar = _ABOUT
+    stage = Stage.DYNAMICS
+    acts_as = Stage.LOAD
+    either_sign: ClassVar = True
+    name = "current:direction"
+    needs = ("pump_current_ma",)
+    parameters: ClassVar = {}
+
+    def start(self, like: Value) -> State:
+        return like * math.nan
+
+    def step(self, value: Value, past_speed: Value, signals: Signals, state: State, dt_s: float) -> tuple[Value, State]:
+        """tanh of how far the current is from its own recent past."""
+        current = signals["pump_current_ma"]
+        slow = current if state != state else state + (1.0 - math.exp(-dt_s / DIRECTION_S)) * (current - state)
+        return math.tanh((current - slow) / DIRECTION_MA), slow
+
+
+def range_of(values: np.ndarray) -> tuple[float, float]:
+    """Centre and half width of the middle 96 % of what was measured; half width 0 where nothing moves."""
+    known = values[np.isfinite(values)]
+    if not len(known):
+        return 0.0, 0.0
+    low, high = np.percentile(known, [2, 98])
+    if high <= low:
+        low, high = float(known.min()), float(known.max())
+    return 0.5 * float(low + high), 0.5 * float(high - low)

@@ -1,0 +1,70 @@
+"""Active braking: what it takes for braking, and what a model with it does."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cruise.effects import over
+from cruise.effects.active_braking import ActiveBraking
+from cruise.model.model import Model
+
+DT_S = 0.05
+
+
+def paces(drive_ma, pace=0.5):
+    effect = ActiveBraking(pace)
+    through, state = over(effect, drive_ma, np.zeros(len(drive_ma)), {}, DT_S)
+    np.testing.assert_array_equal(through, drive_ma)
+    return effect.pace({}, state)
+
+
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_only_a_falling_drive_is_braking_in_both_directions_of_travel(direction):
+    drive = direction * np.repeat([200.0, 500.0, 200.0], [40, 60, 200])
+    found = paces(drive)
+    np.testing.assert_array_equal(found[:100], 1.0)  # steady from the first sample on, then rising
+    assert found[120] == 0.5
+    assert found[-1] == pytest.approx(1.0, abs=1e-3)
+
+
+def test_it_lasts_as_long_as_the_machine_takes_to_slow_down():
+    drive = np.repeat([200.0, 500.0, 200.0], [40, 200, 400])
+    lasting = {}
+    for pace in (0.25, 0.5):
+        found = paces(drive, pace)[240:]
+        lasting[pace] = DT_S * np.count_nonzero(found < 0.5 * (1.0 + pace))
+    assert lasting[0.25] > 1.7 * lasting[0.5]  # it coasts twice as long
+    assert lasting[0.5] > 1.0
+
+
+def test_ripple_of_the_current_is_hardly_braking():
+    ripple = 500.0 + 2.0 * np.sin(2 * np.pi * 3.0 * DT_S * np.arange(200))
+    assert paces(ripple).min() > 0.95
+
+
+@pytest.mark.parametrize("pace", [0.5, 2.0])
+def test_the_time_constant_down_is_that_up_divided_by_the_pace(pace):
+    model = Model(DT_S, 1, 1, 0, (ActiveBraking(pace),), (0.96, 4e-5, 0.0))
+
+    def time_to_63_percent(before_ma, after_ma):
+        start, end = 1e-3 * before_ma, 1e-3 * after_ma
+        state = model.start(start, before_ma, {})
+        state = model.advance(state, before_ma, start, {})
+        run = np.array(model.predict(state, [after_ma] * 200, [{}] * 200))
+        assert run[-1] == pytest.approx(end, abs=0.01 * abs(start - end) + 1e-3)  # the steady speeds are the same
+        return DT_S * np.argmax(np.abs(run - start) > 0.63 * abs(end - start))
+
+    up, down = time_to_63_percent(200.0, 800.0), time_to_63_percent(800.0, 200.0)
+    assert up == pytest.approx(DT_S / -math.log(0.96), rel=0.1)
+    assert down / up == pytest.approx(1.0 / pace, rel=0.25)
+
+
+def test_the_controllers_view_keeps_the_present_pace():
+    model = Model(DT_S, 1, 1, 0, (ActiveBraking(0.5),), (0.96, 4e-5, 0.0))
+    state = model.advance(model.start(0.5, 500.0, {}), 500.0, 0.5, {})
+    assert model.linearise(state, {}).speed_coefficients[0] == pytest.approx(0.96)
+    braking = state
+    for _ in range(10):
+        braking = model.advance(braking, 200.0, 0.5, {})
+    assert model.linearise(braking, {}).speed_coefficients[0] == pytest.approx(0.5 * 0.96 + 0.5)

@@ -1,0 +1,24 @@
+"""Crop load, by hand and in a model."""
+
+import pytest
+
+from cruise.effects.crop_load import CropLoad
+from cruise.model.model import Model
+
+
+def test_full_load_costs_the_coefficient():
+    assert CropLoad().step(0.0, 1.0, {"engine_load_pct": 100.0}, CropLoad().start(0.0), 0.2)[0] == -1.0
+    model = Model(0.2, 0, 1, 0, (CropLoad(),), (1e-3, 0.3, 0.0))
+    lost = [
+        model.predict(model.start(1.0, 900.0, now), [900.0], [now])[0]
+        for now in ({"engine_load_pct": 20.0}, {"engine_load_pct": 80.0})
+    ]
+    assert lost[0] - lost[1] == pytest.approx(0.3 * 0.6)
+
+
+def test_what_the_drive_itself_takes_from_the_engine_is_no_crop():
+    effect, now = CropLoad(rolling_pct_per_mps=4.0, inertia_pct_per_m2ps3=6.0), {"engine_load_pct": 26.0}
+    steady, state = effect.step(0.0, 2.0, now, effect.start(0.0), 0.2)
+    assert steady == pytest.approx(-(26.0 - 4.0 * 2.0) / 100.0)
+    speeding_up, _ = effect.step(0.0, 2.1, now, state, 0.2)
+    assert speeding_up == pytest.approx(-(26.0 - 2.1 * (4.0 + 6.0 * 0.5)) / 100.0)

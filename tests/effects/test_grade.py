@@ -1,0 +1,53 @@
+"""Grade, by hand."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cruise.effects.grade import Grade
+from cruise.identification.regressors import checked_signals
+from cruise.model.model import Model
+from cruise.recording import Recording
+
+
+def phi(effect, **signals):
+    return effect.step(0.0, 1.0, signals, effect.start(0.0), 0.2)[0]
+
+
+def test_thirty_degrees_uphill_pull_back_with_half_the_weight():
+    assert phi(Grade(), pitch_deg=30.0) == pytest.approx(-4.905)
+    assert phi(Grade(), pitch_deg=-30.0) == pytest.approx(4.905)
+
+
+@pytest.mark.parametrize(("share", "factor"), [(0.0, 1.0), (0.5, 1.2), (1.0, 1.4)])
+def test_a_heavier_machine_loses_more_by_the_share(share, factor):
+    level = phi(Grade(), pitch_deg=3.0)
+    assert phi(Grade(mass_share=share), pitch_deg=3.0, machine_mass_kg=21000.0) == pytest.approx(factor * level)
+
+
+def test_a_mass_that_is_not_measured_is_that_of_the_empty_machine():
+    heavy = Grade(mass_share=1.0)
+    assert (
+        phi(heavy, pitch_deg=3.0, machine_mass_kg=math.nan) == phi(heavy, pitch_deg=3.0) == phi(Grade(), pitch_deg=3.0)
+    )
+    both = phi(heavy, pitch_deg=np.full(2, 3.0), machine_mass_kg=np.array([math.nan, 30000.0]))
+    np.testing.assert_allclose(both, [phi(Grade(), pitch_deg=3.0), 2 * phi(Grade(), pitch_deg=3.0)])
+
+
+def test_on_level_ground_a_pitch_that_is_all_acceleration_is_no_slope():
+    effect, accel_mps2, dt_s = Grade(acceleration_share=1.0), 0.8, 0.2
+    signals = {"pitch_deg": math.degrees(math.asin(accel_mps2 / 9.81))}
+    _, state = effect.step(0.0, 1.0, signals, effect.start(0.0), dt_s)
+    speeding_up, _ = effect.step(0.0, 1.0 + accel_mps2 * dt_s, signals, state, dt_s)
+    steady, _ = effect.step(0.0, 1.0, signals, state, dt_s)
+    assert speeding_up == pytest.approx(0.0, abs=1e-12)
+    assert steady == pytest.approx(-accel_mps2)
+
+
+@pytest.mark.parametrize("further", [("machine_mass_kg",), ()])
+def test_a_recorded_mass_is_used_and_one_that_is_not_recorded_is_not_missed(further):
+    names = ("pump_current_ma", "ground_speed_mps", "pitch_deg", *further)
+    recording = Recording(0.2 * np.arange(9), {name: np.ones(9) for name in names}, 0.2, "test")
+    model = Model(0.2, 1, 1, 0, (Grade(),), (0.5, 1e-3, 0.1, 0.0))
+    assert set(checked_signals(model, recording)) == {"pitch_deg", *further}

@@ -1,0 +1,66 @@
+"""The play operator: its loop, its indifference to rate, and its inverse while the current moves."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cruise.effects.effect import over
+from cruise.effects.hysteresis import Hysteresis
+
+WIDTH_MA, AMPLITUDE_MA = 60.0, 200.0
+PLAY = Hysteresis(WIDTH_MA)
+
+
+def through(currents_ma: np.ndarray) -> np.ndarray:
+    return over(PLAY, currents_ma, np.zeros(len(currents_ma)), {}, 0.2)[0]
+
+
+def triangle(step_ma: float) -> np.ndarray:
+    up = np.arange(-AMPLITUDE_MA, AMPLITUDE_MA, step_ma)
+    return np.tile(np.concatenate([up, -up]), 3)
+
+
+def test_the_loop_encloses_its_width_times_the_travel():
+    u = triangle(1.0)
+    x = through(u)
+    last = slice(-len(u) // 3, None)
+    area_ma2 = abs(np.trapezoid(np.append(x[last], x[last][0]), np.append(u[last], u[last][0])))
+    assert area_ma2 == pytest.approx(WIDTH_MA * (2.0 * AMPLITUDE_MA - WIDTH_MA), rel=1e-3)
+
+
+def test_only_the_path_counts_and_not_its_speed():
+    np.testing.assert_allclose(through(triangle(1.0))[::20], through(triangle(20.0)), atol=1e-9)
+
+
+def test_after_a_reversal_nothing_moves_for_the_whole_width():
+    x = through(np.array([500.0, 600.0, 570.0, 541.0, 540.0, 530.0]))
+    assert x.tolist() == [500.0, 570.0, 570.0, 570.0, 570.0, 560.0]
+
+
+def test_after_a_hole_the_current_is_taken_as_it_is():
+    x = through(np.array([500.0, 600.0, math.nan, 400.0, 410.0]))
+    np.testing.assert_array_equal(x, [500.0, 570.0, math.nan, 400.0, 400.0])
+
+
+@given(wanted=st.lists(st.floats(-900, 900), min_size=2, max_size=20))
+def test_the_inverse_leads_wherever_it_is_wanted(wanted):
+    current, state = PLAY.step(300.0, 0.0, {}, PLAY.start(0.0), 0.2)
+    for value in wanted:
+        current = PLAY.inverse(value, {}, state).nearest(current)
+        result, state = PLAY.step(current, 0.0, {}, state, 0.2)
+        assert result == pytest.approx(value, abs=1e-9)
+
+
+def test_where_it_stands_any_current_of_the_band_holds_it_and_none_beyond():
+    band = PLAY.inverse(500.0, {}, 500.0)
+    assert (band.low, band.high) == (470.0, 530.0)
+    assert [PLAY.step(u, 0.0, {}, 500.0, 0.2)[0] for u in (469.0, 470.0, 500.0, 530.0, 531.0)] == [
+        499.0,
+        500.0,
+        500.0,
+        500.0,
+        501.0,
+    ]

@@ -1,0 +1,37 @@
+"""Leakage grows as the oil thins, by the exponential that stands for Walther's line."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cruise.effects.oil_temperature import THINNING_K, OilTemperature
+
+
+def gain(loss_share, temperature_c):
+    return OilTemperature(loss_share).step(1.0, 0.0, {"oil_temperature_c": temperature_c}, None, 0.2)[0]
+
+
+def viscosity_mm2ps(temperature_c: float) -> float:
+    """Walther (ASTM D341) through ISO VG 46 of viscosity index 100: 46 and 6.8 mm2/s at 40 and 100 degC."""
+    lines = [(math.log10(t + 273.15), math.log10(math.log10(nu + 0.7))) for t, nu in ((40.0, 46.0), (100.0, 6.8))]
+    (x_1, y_1), (x_2, y_2) = lines
+    y = y_1 + (y_2 - y_1) / (x_2 - x_1) * (math.log10(temperature_c + 273.15) - x_1)
+    return 10.0 ** (10.0**y) - 0.7
+
+
+def test_the_exponential_is_the_line_of_walther_where_machines_work():
+    for temperature_c in range(40, 96, 5):
+        thinner = viscosity_mm2ps(50.0) / viscosity_mm2ps(temperature_c)
+        assert math.exp((temperature_c - 50.0) / THINNING_K) == pytest.approx(thinner, rel=0.15)
+    assert math.log(viscosity_mm2ps(40.0) / viscosity_mm2ps(105.0)) / 65.0 == pytest.approx(1.0 / THINNING_K, rel=0.03)
+
+
+def test_a_share_of_a_twentieth_loses_as_much_again_for_each_doubling_of_the_leakage():
+    doubling_k = THINNING_K * math.log(2.0)
+    got = gain(0.05, np.array([50.0 - doubling_k, 50.0, 50.0 + doubling_k, 50.0 + 2.0 * doubling_k]))
+    np.testing.assert_allclose(got, [1.025, 1.0, 0.95, 0.85])
+
+
+def test_no_more_than_all_of_the_flow_leaks():
+    assert gain(0.4, 150.0) == 0.0

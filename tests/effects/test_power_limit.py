@@ -1,0 +1,62 @@
+"""The limit acts where mass, slope and speed ask for more than it, and nowhere else."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cruise.effects.power_limit import UNLIMITED_KW, PowerLimit
+
+UP = {"pitch_deg": 10.0, "machine_mass_kg": 15000.0}
+DEMAND_KW = 15.0 * 9.81 * (math.sin(math.radians(10.0)) + 0.06) * 2.0  # at 2 m/s: 68.8 kW
+
+
+def gain(power_kw, speed_mps, signals):
+    return PowerLimit(power_kw).step(1.0, speed_mps, signals, None, 0.2)[0]
+
+
+def test_beyond_the_limit_the_gain_is_the_share_that_can_be_given():
+    assert gain(30.0, 2.0, UP) == pytest.approx(30.0 / DEMAND_KW)
+    assert gain(30.0, 2.0, UP | {"machine_mass_kg": 30000.0}) == pytest.approx(15.0 / DEMAND_KW)
+
+
+@pytest.mark.parametrize(("pitch_deg", "speed_mps"), [(-10.0, 2.0), (10.0, -2.0), (10.0, 0.5), (0.0, 2.0)])
+def test_downhill_slow_and_level_nothing_is_felt(pitch_deg, speed_mps):
+    assert gain(30.0, speed_mps, UP | {"pitch_deg": pitch_deg}) == 1.0
+
+
+def test_backwards_uphill_is_uphill():
+    assert gain(30.0, -2.0, UP | {"pitch_deg": -10.0}) == gain(30.0, 2.0, UP)
+
+
+@pytest.mark.parametrize("mass", [{}, {"machine_mass_kg": math.nan}])
+def test_an_unmeasured_mass_is_that_of_an_empty_machine(mass):
+    assert gain(30.0, 2.0, {"pitch_deg": 10.0} | mass) == gain(30.0, 2.0, UP)
+    columns = {name: np.array([value]) for name, value in ({"pitch_deg": 10.0} | mass).items()}
+    np.testing.assert_allclose(gain(30.0, np.array([2.0]), columns), gain(30.0, 2.0, UP))
+
+
+def test_an_unmeasured_slope_is_no_number():
+    assert math.isnan(gain(30.0, 2.0, {"pitch_deg": math.nan}))
+
+
+def test_300_kw_is_no_limit_and_just_below_it_is_one():
+    steep = {"pitch_deg": 30.0, "machine_mass_kg": 40000.0}
+    assert gain(UNLIMITED_KW, 10.0, steep) == 1.0
+    assert gain(UNLIMITED_KW - 1.0, 10.0, steep) < 0.2
+
+
+def test_the_corner_has_no_kink_for_a_fit_by_differences():
+    powers_kw = np.linspace(0.6, 1.6, 2001)[:, None] * DEMAND_KW
+    slope = np.diff(gain(powers_kw, np.array([2.0]), {"pitch_deg": np.array([10.0])})[:, 0]) / np.diff(powers_kw[:, 0])
+    assert np.max(np.abs(np.diff(slope))) < 0.01 * np.max(slope)  # a kink is a jump of all of it
+    assert np.all(slope >= 0.0)
+    assert slope[-1] == 0.0
+
+
+def test_the_machine_settles_at_the_geometric_mean_of_free_and_limited_speed():
+    free_mps, speed_mps = 2.5, 0.0
+    for _ in range(200):
+        speed_mps = 0.6 * speed_mps + 0.4 * gain(30.0, speed_mps, UP) * free_mps
+    limited_mps = 30.0 / (DEMAND_KW / 2.0)
+    assert speed_mps == pytest.approx(math.sqrt(free_mps * limited_mps), rel=1e-6)

@@ -85,7 +85,9 @@ def _one(
     few = len(found.recordings) <= MOST_SHOWN
     which = Path(recording.source).name + ("" if few else f", the worst of {len(found.recordings)} recordings")
     speed.set_title(f"{name} - {which}" if name else which, loc="left")
-    speed.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, fontsize="small", frameon=False)
+    speed.legend(loc="upper left", ncols=3, fontsize="small", framealpha=0.6)
+    low, high = speed.get_ylim()
+    speed.set_ylim(low, high + 0.15 * (high - low))  # room for the legend
     error.plot(*extremes(time_s, e), color=RED, lw=0.9)
     error.axhline(0.0, color=GREY, lw=0.8)
     bound = floor.reached or floor.white
@@ -139,12 +141,10 @@ def _bars(figure: Any, where: Regimes) -> None:
         axis.bar(place + 0.2, 100 * table.time_share, 0.4, color=GREY, label="of the time")
         axis.set_xticks(place, [textwrap.fill(label, 14) for label in table.labels], fontsize="small")
         axis.set_ylabel("share (%)")
-        axis.set_title(
-            _heading(table) + ("" if named else " - no more than noise gives"), loc="left", fontsize="medium"
-        )
+        axis.set_title(_heading(table) + ("" if named else " - within noise"), loc="left", fontsize="medium")
         axis.grid(alpha=0.3, axis="y")
         if number == 0:
-            axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, fontsize="small", frameon=False)
+            axis.legend(loc="lower right", bbox_to_anchor=(1.0, 0.97), ncols=2, fontsize="small", frameon=False)
 
 
 def _heading(table: Table) -> str:

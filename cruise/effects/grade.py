@@ -1,34 +1,38 @@
 """Grade: on a slope, a part of the machine's weight pulls along the ground.
 
-    phi = -(g_n sin(alpha) - r dv/dt) (1 + s (m / m_0 - 1))
+    phi = -(S_k - r A_(k-1)) (1 + s (m / m_0 - 1))
+    S_k = S_(k-1) + l (g_n sin(alpha_k) - S_(k-1)),   V_k = V_(k-1) + l (v_k - V_(k-1)),   A_k = (V_k - V_(k-1)) / T
 
-alpha pitch in degrees (+ uphill) as the sensor shows it, g_n = 9.81 m/s2, dv/dt acceleration in m/s2, which the sensor
-takes for slope with the share r, m mass in kg (m_0 where it is not measured), m_0 = 15000 kg, s share of the mass; both
-shares without unit. Source: equations 2 and 9 and Table VI of Coen et al. 2005: F_G = m g sin(alpha).
+alpha pitch in degrees (+ uphill) as the sensor shows it, g_n = 9.81 m/s2, v measured ground speed in m/s, of the samples
+before only, S and A slope and acceleration in m/s2 seen through the same low-pass, l = 1 - exp(-T / tau), r share of the
+acceleration that the sensor takes for slope, m mass in kg (m_0 where it is not measured), m_0 = 15000 kg, s share of the
+mass. Source: equations 2 and 9 and Table VI of Coen et al. 2005: F_G = m g sin(alpha).
 """
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Final
 
 import numpy as np
 
-from cruise.effects.effect import EMPTY_KG, GRAVITY_MPS2, About, Effect, Parameter, Stage, State, Value, where
-from cruise.signals import Signals
+from cruise.effects.effect import EMPTY_KG, GRAVITY_MPS2, About, Effect, Parameter, Stage, State, Value, clip, where
+from cruise.signals import OUTPUT, Signals
+
+AT_ONCE_S: Final = 1e-9  # s, a low-pass that is none at any period
 
 
 @dataclass(frozen=True, slots=True)
 class Grade(Effect):
-    """phi = -(9.81 sin(pitch) - acceleration_share dv/dt) (1 + mass_share (m / 15000 kg - 1)), in m/s2."""
+    """phi = -(slope less what of it is acceleration) (1 + mass_share (m / 15000 kg - 1)), in m/s2."""
 
     name = "grade"
     stage = Stage.LOAD
     needs = ("pitch_deg",)
-    helps = ("machine_mass_kg",)
-    reads_speed = True
+    helps = ("machine_mass_kg", OUTPUT)
     parameters: ClassVar = {
         "mass_share": Parameter("-", 0.0, 1.0, 0.0, "how far the loss grows with the mass; 1 is in proportion"),
         "acceleration_share": Parameter("-", 0.0, 1.0, 0.0, "how far the sensor takes acceleration for slope"),
+        "filter_s": Parameter("s", 0.0, 4.0, 0.0, "time constant through which the slope is seen"),
     }
     about: ClassVar = About(
         physics="Uphill, the component of the weight along the slope pulls the machine back; downhill it pushes. The "
@@ -36,7 +40,7 @@ class Grade(Effect):
         "the softer the drive, the more of the force shows in the speed, and the more of the mass with it. A pitch "
         "sensor reads acceleration as slope (1 m/s2 looks like 5.8 degrees), so that a part of every start and stop "
         "is in the pitch too: slope that lasts is evidence, pitch during a change of speed is not.",
-        equation="phi = -(9.81 m/s2 sin(alpha) - r dv/dt) (1 + s (m / 15000 kg - 1))",
+        equation="phi = -(9.81 m/s2 sin(alpha) - r dv/dt) (1 + s (m / 15000 kg - 1)), through a low-pass of tau",
         source="Coen et al. 2005, equations 2 and 9, Table VI (90 % of the DC gain at +3.3 deg)",
         signature="the residual follows -sin(pitch) slowly, at any speed and current, and changes sign with the "
         "direction of the slope",
@@ -48,10 +52,11 @@ class Grade(Effect):
 
     mass_share: float = 0.0
     acceleration_share: float = 0.0
+    filter_s: float = 0.0
 
     def start(self, like: Value) -> State:
-        """The speed in m/s two samples ago, not known yet."""
-        return like * math.nan
+        """Low-passed slope in m/s2, low-passed speed in m/s and its rate in m/s2: not known yet."""
+        return like * math.nan, like * math.nan, like * 0.0
 
     def step(self, value: Value, past_speed: Value, signals: Signals, state: State, dt_s: float) -> tuple[Value, State]:
         """The pull of the slope, for the present mass."""
@@ -59,6 +64,15 @@ class Grade(Effect):
         mass_kg = signals.get("machine_mass_kg", EMPTY_KG)
         mass_kg = where(mass_kg == mass_kg, mass_kg, EMPTY_KG)  # NaN: not measured
         sine = np.sin(np.radians(pitch_deg)) if isinstance(pitch_deg, np.ndarray) else math.sin(math.radians(pitch_deg))
-        accel_mps2 = (past_speed - where(state == state, state, past_speed)) / dt_s
-        slope_mps2 = GRAVITY_MPS2 * sine - self.acceleration_share * accel_mps2
-        return -slope_mps2 * (1.0 + self.mass_share * (mass_kg / EMPTY_KG - 1.0)), past_speed
+        slope_mps2, speed_mps, accel_mps2 = state
+        share = -np.expm1(-dt_s / clip(self.filter_s, AT_ONCE_S, math.inf))
+        seen_mps2 = GRAVITY_MPS2 * sine
+        slope_mps2 = where(slope_mps2 == slope_mps2, slope_mps2 + share * (seen_mps2 - slope_mps2), seen_mps2)
+        pull_mps2 = slope_mps2 - self.acceleration_share * accel_mps2
+        measured_mps = signals.get(OUTPUT, math.nan)
+        measured_mps = where(measured_mps == measured_mps, measured_mps, speed_mps)  # a hole: no acceleration
+        speed_mps = where(speed_mps == speed_mps, speed_mps, measured_mps)
+        followed_mps = speed_mps + share * (measured_mps - speed_mps)
+        accel_mps2 = where(followed_mps == followed_mps, (followed_mps - speed_mps) / dt_s, 0.0 * seen_mps2)
+        phi = -pull_mps2 * (1.0 + self.mass_share * (mass_kg / EMPTY_KG - 1.0))
+        return phi, (slope_mps2, followed_mps, accel_mps2)

@@ -1,8 +1,9 @@
 """Rate limit: small orifices feed the pump's servo, so that it follows a fast current only at its own pace.
 
-    x_k = clip(u_k, x_(k-1) - r dt, x_(k-1) + r dt)
+    x_k = x_(k-1) + clip((1 - exp(-dt / tau)) (u_k - x_(k-1)), -r dt, r dt),   tau -> 0: clip(u_k, x_(k-1) -+ r dt)
 
-u current in mA, x what acts in mA, r greatest rate in mA/s, dt period in s. Source: M. Jelali, A. Kroll, Hydraulic
+u current in mA, x what acts in mA, r greatest rate in mA/s, tau lag of the servo in s with which small changes are
+followed, dt period in s. Source: M. Jelali, A. Kroll, Hydraulic
 Servo-systems (2003), ch. 4 (flow-limited servo stage); data sheets of axial piston pumps with control orifices: neutral
 to full stroke, some 800 mA, in 0.4 to 3 s, which is 270 to 2000 mA/s.
 """
@@ -14,30 +15,32 @@ from typing import ClassVar, Final
 
 import numpy as np
 
-from cruise.effects.effect import About, Effect, Inverse, Parameter, Stage, State, Value, where
+from cruise.effects.effect import About, Effect, Inverse, Parameter, Stage, State, Value, clip, where
 from cruise.signals import Signals
 
-UNLIMITED_MA_PER_S: Final = 5000.0  # mA/s: zero to full current within a model period of 0.2 s
+UNLIMITED_MA_PER_S: Final = 10000.0  # mA/s: a tenth of a second to full current, within every servo's lag
+AT_ONCE_S: Final = 1e-9  # s, a lag that is none at any period
 
 
 @dataclass(frozen=True, slots=True)
 class RateLimit(Effect):
-    """|dx/dt| <= rate_ma_per_s, in mA/s, none from 5000 mA/s up; the state is x in mA, NaN while not known."""
+    """|dx/dt| <= rate_ma_per_s, in mA/s, none from 10000 mA/s up; the state is x in mA, NaN while not known."""
 
     name = "rate_limit"
     stage = Stage.COMMAND
     needs = ()
     parameters: ClassVar = {
         "rate_ma_per_s": Parameter(
-            "mA/s", 50.0, UNLIMITED_MA_PER_S, UNLIMITED_MA_PER_S, "greatest rate of what acts; 5000 is no limit"
+            "mA/s", 50.0, UNLIMITED_MA_PER_S, UNLIMITED_MA_PER_S, "greatest rate of what acts; 10000 is no limit"
         ),
+        "lag_s": Parameter("s", 0.0, 1.0, 0.0, "lag with which it follows within that rate"),
     }
     about: ClassVar = About(
         physics="The servo piston that tilts the swash plate is filled through orifices, which makers choose on "
         "purpose to keep the machine from jerking. Their flow sets a greatest rate: a small step is followed at once, "
         "a great one by a ramp whose duration grows with the step. A lag, in contrast, takes as long for a great step "
         "as for a small one.",
-        equation="x_k = clip(u_k, x_(k-1) - r dt, x_(k-1) + r dt)",
+        equation="x_k = x_(k-1) + clip((1 - exp(-dt / tau)) (u_k - x_(k-1)), -r dt, r dt)",
         source="Jelali and Kroll 2003, ch. 4; data sheets of pumps with control orifices (0.4 to 3 s to full stroke)",
         signature="after great steps the residual opposes the step and lasts the longer the greater it was; after "
         "small steps and slow ramps there is none",
@@ -47,17 +50,20 @@ class RateLimit(Effect):
     )
 
     rate_ma_per_s: float = UNLIMITED_MA_PER_S
+    lag_s: float = 0.0
 
     def start(self, like: Value) -> State:
         """Not known: the first current is taken as it is."""
         return like * math.nan
 
     def step(self, value: Value, past_speed: Value, signals: Signals, state: State, dt_s: float) -> tuple[Value, State]:
-        """The last output, moved towards the current as far as the rate allows."""
+        """The last output, moved towards the current as far as lag and rate allow."""
         reach_ma = where(self.rate_ma_per_s < UNLIMITED_MA_PER_S, self.rate_ma_per_s * dt_s, math.inf)
+        share = -np.expm1(-dt_s / clip(self.lag_s, AT_ONCE_S, math.inf))
+        wanted = value - (1.0 - share) * (value - state)  # the current itself, to the bit, where there is no lag
         low, high = state - reach_ma, state + reach_ma
-        # In this order the current itself is left where the state is not known, and NaN where it was not measured.
-        result = where(value < low, low, where(value > high, high, value))
+        moved = where(wanted < low, low, where(wanted > high, high, wanted))
+        result = where(state == state, moved, value)
         return result, result
 
     def over(
@@ -65,12 +71,17 @@ class RateLimit(Effect):
     ) -> tuple[Value, State]:
         """The whole recording in one narrow loop: the shape is looked for in recordings of 10^5 samples."""
         reach_ma = self.rate_ma_per_s * dt_s if self.rate_ma_per_s < UNLIMITED_MA_PER_S else math.inf
+        rest = math.exp(-dt_s / max(self.lag_s, AT_ONCE_S))
         result, results = math.nan, []
         for value in np.broadcast_to(values, len(past_speeds)).tolist():
-            if value < result - reach_ma:
-                result -= reach_ma
-            elif value > result + reach_ma:
-                result += reach_ma
+            if result == result:
+                wanted = value - rest * (value - result)
+                if wanted < result - reach_ma:
+                    result -= reach_ma
+                elif wanted > result + reach_ma:
+                    result += reach_ma
+                else:
+                    result = wanted
             else:
                 result = value
             results.append(result)

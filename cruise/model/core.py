@@ -17,13 +17,16 @@ T sum j h_j = T_d + tau. Source: K. J. Astrom, B. Wittenmark, Computer-Controlle
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-TAIL: Final = 0.005  # share of the response that the last taps may leave out
+from cruise.effects import Effect
+from cruise.model.model import Model
 
+TAIL: Final = 0.005  # share of the response that the last taps may leave out
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,3 +74,26 @@ class Core:
         share = self.response(period_s, math.ceil(self.memory_s / period_s) + 2)
         delay = int(self.delay_s / period_s)
         return delay, share[delay:] / share[delay:].sum()
+
+
+def discretised(
+    core: Core,
+    effects: tuple[Effect, ...],
+    loads: Sequence[float],
+    offset_mps: float,
+    period_s: float,
+    like: Model | None = None,
+) -> Model:
+    """The model that estimator and controller run: a_1 = a, b_j = (1 - a) K h_j, c_m and c_0 times (1 - a).
+
+    `loads` and `offset_mps` in m/s at rest, in the order of the effects. It equals the core up to the last taps' tail.
+    `like` fixes its delay and number of taps, to compare parameters of cores that differ by little.
+    """
+    a = core.pole(period_s)
+    delay, share = core.taps(period_s)
+    if like is not None:
+        delay, share = like.delay, core.response(period_s, like.delay + like.nb)[like.delay :]
+    b = (1.0 - a) * core.gain_mps_per_ma * share
+    c = [(1.0 - a) * load for load in loads]
+    theta = (a, *b.tolist(), *c, (1.0 - a) * offset_mps)
+    return Model(period_s, 1, len(b), delay, effects, theta)

@@ -10,6 +10,7 @@ from typing import Final, Protocol
 import numpy as np
 
 from cruise.effects import EFFECTS, Effect, Parameter, Stage
+from cruise.effects.effect import GRAVITY_MPS2
 from cruise.recording import Recording
 from cruise.signals import INPUT, OUTPUT, SIGNALS
 from cruise.validation.explanation import CORE, Explanation
@@ -27,6 +28,7 @@ from cruise.validation.unnamed import (
 SHARES: Final = (0.12, 0.5)  # of the way from a shape's neutral value to its far bound
 WIDE: Final = 5.0  # ratio of the bounds from which that way is walked in ratios
 CHAIN: Final = tuple(EFFECTS)  # order in which the current meets the effects: that of the table
+SMOOTHING_S: Final = 1.0  # s over which speed and pitch are compared
 SAME: Final = 0.02  # relative spread of a signal below which it never moves
 CONSEQUENCES: Final[Mapping[str, float]] = {
     # Engine load and line pressure answer to the drive itself: given them, anything looks explained.
@@ -36,6 +38,8 @@ CONSEQUENCES: Final[Mapping[str, float]] = {
     "wheel_speed_mps": 1.1,
 }
 """How much of its gain a candidate with this signal may keep when it is compared with others."""
+BLIND: Final[Mapping[str, float]] = {"engine_load_pct": 0.6, "line_pressure_bar": 0.5}
+"""The same for a dependence without physics on what the drive itself moves: it would read the answer off it."""
 FLEXIBLE: Final = 0.85  # the same for a dependence without physics: any curve fits better than the right one with noise
 
 
@@ -78,6 +82,7 @@ class EffectCandidate:
     credit: float = 1.0
     longest_delay_s: float | None = None
     given: Effect | None = None  # where a fit of it has been before
+    known: tuple[tuple[str, float], ...] = ()  # shapes that the signals themselves tell
 
     def grown(self, explanation: Explanation) -> Iterator[Explanation]:
         """One start for each of a few strengths, or where it has been before."""
@@ -87,7 +92,7 @@ class EffectCandidate:
         kind = EFFECTS[self.name]
         shapes = kind.parameters
         for share in SHARES if shapes and self.name != "gear_ratio" else SHARES[:1]:
-            shape = {name: _on_the_way(bound, share) for name, bound in shapes.items()}
+            shape = {name: _on_the_way(bound, share) for name, bound in shapes.items()} | dict(self.known)
             yield with_effect(explanation, kind() if self.name == "gear_ratio" else kind(**shape))
 
 
@@ -167,7 +172,8 @@ def candidates(recordings: Sequence[Recording], explanation: Explanation) -> tup
             found.append(ResonanceCandidate())
         else:
             credit = min((CONSEQUENCES.get(need, 1.0) for need in kind.needs if need != OUTPUT), default=1.0)
-            found.append(EffectCandidate(name, credit))
+            known = (("acceleration_share", acceleration_share(recordings)),) if name == "grade" else ()
+            found.append(EffectCandidate(name, credit, known=known))
     return found, refused
 
 
@@ -182,7 +188,7 @@ def unnamed(recordings: Sequence[Recording], explanation: Explanation) -> list[U
         source = OUTPUT if signal == SPEED else signal
         centre, half_width = range_of(np.concatenate([one.columns[source] for one in recordings]))
         if half_width > 0.0 and f"unnamed:{signal}" not in explanation.names:
-            found.append(UnnamedCandidate(signal, centre, half_width, FLEXIBLE * CONSEQUENCES.get(signal, 1.0)))
+            found.append(UnnamedCandidate(signal, centre, half_width, BLIND.get(signal, FLEXIBLE)))
     return found
 
 
@@ -199,6 +205,28 @@ def why_not(kind: type[Effect], recordings: Sequence[Recording]) -> str:
         if np.ptp(np.percentile(values, [1, 99])) < SAME * size:
             return f"{need} never moves: it stays at {np.median(values):g} {SIGNALS[need].unit}"
     return ""
+
+
+def acceleration_share(recordings: Sequence[Recording]) -> float:
+    """How far the pitch sensor takes acceleration for slope, 0..1: the regression of one on the other.
+
+    Found from these two signals alone: left to the fit of the speed, measured acceleration would explain anything.
+    """
+    products = squares = 0.0
+    for one in recordings:
+        window = max(round(SMOOTHING_S / one.dt_s), 1)
+        known = np.isfinite(one.output) & np.isfinite(one.columns["pitch_deg"])
+        speed, pitch = (np.where(known, values, 0.0) for values in (one.output, one.columns["pitch_deg"]))
+        if len(speed) <= 3 * window:
+            continue
+        accel = np.convolve((speed[window:] - speed[:-window]) / (window * one.dt_s), np.ones(1), "valid")
+        slope = GRAVITY_MPS2 * np.sin(np.radians(np.convolve(pitch, np.ones(window) / window, "valid")[1:]))
+        whole = np.convolve(known, np.ones(window + 1), "valid") > window + 0.5
+        accel, slope = accel[whole], slope[whole]
+        if len(accel):
+            products += float(accel @ (slope - slope.mean()))
+            squares += float(accel @ accel)
+    return min(max(products / squares, 0.0), 1.0) if squares > 0.0 else 0.0
 
 
 def with_effect(explanation: Explanation, effect: Effect) -> Explanation:

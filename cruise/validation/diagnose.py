@@ -21,7 +21,7 @@ from cruise.validation.study import Study
 SEED: Final = 20051  # of the bootstrap
 LEAST_GAIN: Final = 0.15  # of the present loss: errors that fall by less than 8 % are a little of everything
 LEAST_SHARE: Final = 0.03  # of the first loss, for every further effect
-SURE: Final = 3.0  # standard errors, one-sided 0.001: some twenty candidates are tried
+SURE: Final = 1.6  # standard errors of a held-out gain that is large already; a few blocks may hold all of it
 KEEP: Final = 0.5  # of LEAST_GAIN: what an effect must still bring beside the others
 MOST_EFFECTS: Final = 4
 ALIKE: Final = 0.03  # log of the ratio of two losses below which no form of a model is exact enough to decide

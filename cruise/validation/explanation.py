@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from cruise.effects import Effect, Parameter, Stage
-from cruise.model.core import Core
+from cruise.model.core import Core, discretised
 from cruise.model.model import Model
 
 LONGEST_LAG_S: Final = 2.0  # s, of the actuator; slower belongs to the vehicle
@@ -51,11 +51,4 @@ class Explanation:
 
         `like` fixes its delay and number of taps, to compare parameters of explanations that differ by little.
         """
-        a = self.core.pole(period_s)
-        delay, share = self.core.taps(period_s)
-        if like is not None:
-            delay, share = like.delay, self.core.response(period_s, like.delay + like.nb)[like.delay :]
-        b = (1.0 - a) * self.core.gain_mps_per_ma * share
-        c = [(1.0 - a) * load for load in self.loads]
-        theta = (a, *b.tolist(), *c, (1.0 - a) * self.offset_mps)
-        return Model(period_s, 1, len(b), delay, self.effects, theta)
+        return discretised(self.core, self.effects, self.loads, self.offset_mps, period_s, like)

@@ -1,17 +1,51 @@
-"""Add an effect to a model: refit everything, and say what the error was and what it is."""
+"""The ladder: add an effect to a model, refit everything, and say what the error was and what it is.
 
-from dataclasses import dataclass
+Both errors are of the discrete models that drive, held out, on the same samples; the floor below them is that of
+`noise_floor`. What was added before is fitted anew with every further effect: the core's own effects and terms of the
+user's own too.
+"""
 
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from cruise.effects import EFFECTS, Custom, Stage
 from cruise.identification.regressors import FitError
+from cruise.identification.structures import Structure
+from cruise.model import prediction
+from cruise.model.files import PhysicalCore
 from cruise.model.model import Model
-from cruise.validation.candidates import candidates
-from cruise.validation.search import Judged
-from cruise.validation.study import Show, Study, candidate, discrete
+from cruise.recording import Recording
+from cruise.validation.candidates import Candidate, candidates
+from cruise.validation.explanation import CORE, RESONANCE, Explanation
+from cruise.validation.noise_floor import NoiseFloor, noise_floor
+from cruise.validation.search import FOLDS, Judged
+from cruise.validation.simulation import WARM_UP_S
+from cruise.validation.study import Show, Study, candidate, discrete, study
+from cruise.validation.terms import check_term, defined, term_candidate
+
+AT_BOUND: Final = 1e-3  # of a parameter's range
+NOTHING: Final = 1e-6  # in m/s per unit of phi, and of a parameter's range: no sign of it
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One fitted number before and after; `std` of the value after. None: it was not there."""
+
+    name: str
+    unit: str
+    before: float | None
+    after: float
+    std: float
+    remark: str
 
 
 @dataclass(frozen=True, eq=False)
 class Added:
-    """A model with one effect more, and the held-out RMS `horizon_s` ahead before and after."""
+    """A model with one effect more, and the held-out RMS `horizon_s` ahead before and after, on `samples` samples."""
 
     effect: str
     model: Model
@@ -19,18 +53,151 @@ class Added:
     after: Judged
     error_before_mps: float
     error_after_mps: float
+    samples: int
+    predicted_mps: np.ndarray  # (N,) by the model with the effect, held out, NaN where there is no prediction
 
 
-def add(study: Study, effect: str, show: Show = lambda text: None) -> Added:
+def begin(
+    recordings: Sequence[Recording],
+    structure: Structure,
+    file: Model | None,
+    core: PhysicalCore | None,
+    period_s: float,
+    horizon_s: float = WARM_UP_S,
+    show: Show = lambda text: None,
+) -> Study:
+    """The study of a model, with all that it holds: terms of the user's own, and what lives in its core."""
+    further: list[Candidate] = [candidate(name) for name in (core.effects if core else ())]
+    if file is not None:
+        for term in structure.custom:
+            check_term(term, recordings)
+        begun = study(recordings, structure, file, period_s, horizon_s, show)
+    else:  # a term that was never fitted has no shape to begin from
+        own = {term.name for term in structure.custom}
+        bare = replace(structure, effects=tuple(name for name in structure.effects if name not in own), custom=())
+        begun = study(recordings, bare, None, period_s, horizon_s, show)
+        further += [term_candidate(term, begun.recordings) for term in structure.custom]
+    for one in further:
+        show(f"fitting with {one.name}")
+        grown = begun.search.grown(begun.base.explanation, one)
+        begun = replace(begun, base=begun.search.judged("", grown))
+    return begun
+
+
+def add(study: Study, effect: str | Custom, show: Show = lambda text: None) -> Added:
     """The study's model with the effect, everything refitted jointly. FitError says why an effect can't be added."""
     base, search = study.base, study.search
-    if effect in base.explanation.names:
-        raise FitError(f"the model has {effect} already: name another effect, or take it out with --undo")
-    _, refused = candidates(study.recordings, base.explanation)
+    name = effect if isinstance(effect, str) else effect.name
+    if name in base.explanation.names:
+        raise FitError(f"the model has {name} already: name another effect, or take it out with cruise ladder --undo")
+    if isinstance(effect, Custom):
+        wanted: Candidate = term_candidate(effect, study.recordings)
+    else:
+        _check_effect(effect, study)
+        wanted = candidate(effect)
+    show(f"fitting with {name}")
+    after = search.judged(name, search.grown(base.explanation, wanted))
+    terms = [one for one in after.explanation.effects if isinstance(one, Custom)]
+    undefined = [one.name for one in terms if not defined(one, study.recordings)]
+    if undefined:
+        raise FitError(
+            f"{undefined[0]} was fitted to where it is not a number in every sample; give it narrower bounds"
+        )
+    show("judging")
+    horizon = max(round(study.horizon_s / study.period_s), 1)
+    without_mps, with_mps = (_ahead(study, one, horizon) for one in (base, after))
+    measured = search.scene.speed_mps
+    errors = np.array([measured - without_mps, measured - with_mps])
+    both = np.isfinite(errors).all(axis=0)
+    rms_mps = np.sqrt(np.mean(errors[:, both] ** 2, axis=1)) if both.any() else np.full(2, math.nan)
+    if not np.isfinite(rms_mps).all():
+        raise FitError(f"with {name} there is no prediction {study.horizon_s:g} s ahead that could be judged")
+    before, later = rms_mps.tolist()
+    return Added(name, discrete(study, after), base, after, before, later, int(both.sum()), with_mps)
+
+
+def floor(study: Study, native: Sequence[Recording], added: Added) -> NoiseFloor:
+    """The noise floor of the recordings, `native` as they were measured, seen from the model with the effect."""
+    horizon = max(round(study.horizon_s / study.period_s), 1)
+    predicted = [added.predicted_mps[part] for part in study.search.scene.parts]
+    return noise_floor(native, study.recordings, predicted, horizon)
+
+
+def error_mps(study: Study) -> float:
+    """Held-out RMS of the study's model as it was begun."""
+    return study.search.ahead_rms_mps(study.base, study.horizon_s)
+
+
+def physical(explanation: Explanation) -> PhysicalCore:
+    """The core as it stands in a model file."""
+    core = explanation.core
+    loads = (explanation.effects[i].name for i in explanation.at(Stage.LOAD))
+    return PhysicalCore(
+        gain_mps_per_ma=core.gain_mps_per_ma,
+        delay_s=core.delay_s,
+        lag_s=core.lag_s,
+        time_constant_s=core.time_constant_s,
+        resonance_share=core.resonance_share,
+        resonance_hz=core.resonance_hz,
+        damping=core.damping,
+        loads_mps=dict(zip(loads, explanation.loads, strict=True)),
+        offset_mps=explanation.offset_mps,
+        effects=tuple(sorted(explanation.structural)),
+    )
+
+
+def parameters(study: Study, added: Added) -> list[Parameter]:
+    """Everything that was fitted, in physical terms."""
+    fits = added.before.fit, added.after.fit
+    before, after = (
+        {(slot.owner, slot.name): value for slot, value in zip(one.layout.slots, one.vector.tolist(), strict=True)}
+        for one in fits
+    )
+    std = np.sqrt(np.maximum(np.diag(study.search.covariance(added.after.fit)), 0.0)).tolist()
+    shapes = {effect.name: effect.parameters for effect in added.after.explanation.effects}
+    found = []
+    for slot, error in zip(added.after.fit.layout.slots, std, strict=True):
+        value, bound = after[slot.owner, slot.name], None
+        if slot.owner == "core":
+            bound = {**CORE, **RESONANCE}[slot.name]
+            name, unit = slot.name, bound.unit
+        elif slot.owner == "offset":
+            name, unit = slot.name, "m/s"
+        elif slot.name == "load":
+            name, unit = f"{slot.owner}.load", "m/s"
+        else:
+            bound = shapes[slot.owner][slot.name]
+            name, unit = f"{slot.owner}.{slot.name}", bound.unit
+        room = slot.high - slot.low
+        remark = ""
+        if (slot.name == "load" and abs(value) < NOTHING) or (
+            slot.owner in shapes and bound is not None and abs(value - bound.neutral) < NOTHING * room
+        ):
+            remark = "no sign of it"
+        elif bound is not None and min(value - slot.low, slot.high - value) < AT_BOUND * room:
+            remark = "at its bound"
+        found.append(Parameter(name, unit, before.get((slot.owner, slot.name)), value, error, remark))
+    return found
+
+
+def _check_effect(name: str, study: Study) -> None:
+    _, refused = candidates(study.recordings, study.base.explanation)
     for one in refused:
-        if one.effect == effect:
-            raise FitError(f"{effect} can't be added: {one.reason}; record a drive in which it is measured and moves")
-    show(f"fitting with {effect}")
-    after = search.judged(effect, search.grown(base.explanation, candidate(effect)))
-    before_mps, after_mps = (search.ahead_rms_mps(one, study.horizon_s) for one in (base, after))
-    return Added(effect, discrete(study, after), base, after, before_mps, after_mps)
+        if one.effect == name:
+            raise FitError(f"{name} can't be added: {one.reason}; record a drive in which it is measured and moves")
+    assert name in EFFECTS
+
+
+def _ahead(study: Study, judged: Judged, horizon: int) -> np.ndarray:
+    """Speeds (N,) of the discrete model `horizon` samples ahead, every one by the fold that has not seen it."""
+    search, scene = study.search, study.search.scene
+    result = np.full(len(scene), math.nan)
+    for fold, vector in enumerate(judged.folds):
+        model = judged.fit.layout.explanation(vector).model(scene.period_s)
+        for part, recording in zip(scene.parts, scene.recordings, strict=True):
+            signals = {name: scene.signals[name][part] for name in model.uses if name in scene.signals}
+            with np.errstate(over="ignore", invalid="ignore"):
+                speed = prediction.ahead(model, recording.input, recording.output, signals, horizon)
+            mine = search.blocks[part] % FOLDS == fold
+            result[part][mine] = speed[mine]
+    return result

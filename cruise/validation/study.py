@@ -114,12 +114,13 @@ def discrete(one: Study, judged: Judged) -> Model:
 
 
 def _fixed(effects: Sequence[Effect], recordings: Sequence[Recording]) -> frozenset[str]:
-    """Shapes that these recordings say nothing about: of gears that were not driven, and the reference gear."""
+    """Shapes that these recordings say nothing about: of gears that were not driven, the reference gear; the pitch
+    sensor's share is told by the signals alone."""
     driven = set()
     for one in recordings:
         if "gear" in one.columns:
             gear = one.columns["gear"]
             driven |= {int(value) for value in np.unique(gear[np.isfinite(gear)])}
     unknown = {f"gear_ratio.gear_{i}_mps" for i in (1, 2, 3, 4) if i not in driven}
-    reference = {"gear_ratio.gear_2_mps"}
+    reference = {"gear_ratio.gear_2_mps", "grade.acceleration_share"}
     return frozenset(unknown | reference)

@@ -35,14 +35,24 @@ def test_a_mass_that_is_not_measured_is_that_of_the_empty_machine():
     np.testing.assert_allclose(both, [phi(Grade(), pitch_deg=3.0), 2 * phi(Grade(), pitch_deg=3.0)])
 
 
-def test_on_level_ground_a_pitch_that_is_all_acceleration_is_no_slope():
-    effect, accel_mps2, dt_s = Grade(acceleration_share=1.0), 0.8, 0.2
-    signals = {"pitch_deg": math.degrees(math.asin(accel_mps2 / 9.81))}
-    _, state = effect.step(0.0, 1.0, signals, effect.start(0.0), dt_s)
-    speeding_up, _ = effect.step(0.0, 1.0 + accel_mps2 * dt_s, signals, state, dt_s)
-    steady, _ = effect.step(0.0, 1.0, signals, state, dt_s)
-    assert speeding_up == pytest.approx(0.0, abs=1e-12)
-    assert steady == pytest.approx(-accel_mps2)
+@pytest.mark.parametrize(("share", "left"), [(1.0, 0.0), (0.0, 0.8)])
+def test_on_level_ground_a_pitch_that_is_all_acceleration_is_no_slope(share, left):
+    effect, accel_mps2, dt_s = Grade(acceleration_share=share, filter_s=1.0), 0.8, 0.2
+    pitch_deg = math.degrees(math.asin(accel_mps2 / 9.81))
+    state = effect.start(0.0)
+    for k in range(60):
+        signals = {"pitch_deg": pitch_deg, "ground_speed_mps": accel_mps2 * dt_s * k}
+        pull, state = effect.step(0.0, 0.0, signals, state, dt_s)
+    assert pull == pytest.approx(-left, abs=1e-3)
+
+
+def test_the_speed_of_the_sample_itself_is_not_in_it():
+    effect = Grade(acceleration_share=1.0, filter_s=0.5)
+    state = effect.start(0.0)
+    for speed in (1.0, 1.1, 1.2):
+        _, state = effect.step(0.0, 0.0, {"pitch_deg": 1.0, "ground_speed_mps": speed}, state, 0.2)
+    pulls = {effect.step(0.0, 0.0, {"pitch_deg": 1.0, "ground_speed_mps": v}, state, 0.2)[0] for v in (0.0, 5.0)}
+    assert len(pulls) == 1
 
 
 @pytest.mark.parametrize("further", [("machine_mass_kg",), ()])
@@ -50,4 +60,4 @@ def test_a_recorded_mass_is_used_and_one_that_is_not_recorded_is_not_missed(furt
     names = ("pump_current_ma", "ground_speed_mps", "pitch_deg", *further)
     recording = Recording(0.2 * np.arange(9), {name: np.ones(9) for name in names}, 0.2, "test")
     model = Model(0.2, 1, 1, 0, (Grade(),), (0.5, 1e-3, 0.1, 0.0))
-    assert set(checked_signals(model, recording)) == {"pitch_deg", *further}
+    assert set(checked_signals(model, recording)) == {"pitch_deg", "ground_speed_mps", *further}

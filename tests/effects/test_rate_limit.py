@@ -1,4 +1,4 @@
-"""Great steps become ramps, small ones pass, and 5000 mA/s is no limit."""
+"""Great steps become ramps, small ones pass, and 10000 mA/s is no limit."""
 
 import math
 

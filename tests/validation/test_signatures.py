@@ -79,13 +79,19 @@ def test_a_model_that_has_the_term_refuses_or_does_not_find_it():
 
 
 def test_what_the_model_could_absorb_itself_is_no_signature():
-    recording = recorded(5)
-    fitted = fit_arx(parse("arx:na=1,nb=2,delay_s=0.4").model(PERIOD_S), [recording]).model
-    a, b_0, b_1, c_0 = fitted.theta
-    weak = of_parameters(Family.ARX, fitted.with_theta((a, 0.8 * b_0, 0.8 * b_1, c_0 + 0.05)))
-    found = signatures(compare((parse("arx:na=1,nb=2,delay_s=0.4"), weak), [recording], PLAIN))
+    structure = parse("arx:na=1,nb=2,delay_s=0.4")
+
+    def weakened(recording: Recording) -> Comparison:
+        model = fit_arx(structure.model(PERIOD_S), [recording]).model
+        a, b_0, b_1, c_0 = model.theta
+        weak = of_parameters(Family.ARX, model.with_theta((a, 0.8 * b_0, 0.8 * b_1, c_0 + 0.05)))
+        return compare((structure, weak), [recording], PLAIN)
+
+    found = signatures(weakened(recorded(5)))
     assert found.standard.found
     assert [one.regressor for one in found.tests if one.found] == []
+    curved = recorded(5, quadratic=4e-4)
+    assert of(weakened(curved), "u²").share == pytest.approx(of(judged(curved), "u²").share, abs=0.03)
 
 
 def test_noise_is_found_nothing_as_often_as_the_level_says():

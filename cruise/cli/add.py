@@ -1,0 +1,240 @@
+"""`cruise add`: a physical effect more in a model, everything refitted, and what that was worth."""
+
+import difflib
+import json
+import math
+import tempfile
+from dataclasses import asdict
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from cruise import settings
+from cruise.cli.identify import MODEL_FILES
+from cruise.cli.reading import (
+    NOTES_SHOWN,
+    AsJson,
+    Columns,
+    Database,
+    Horizon,
+    InputName,
+    ModelPeriod,
+    OutputName,
+    Recordings,
+    above_zero,
+    columns_of,
+    count_of,
+    destination,
+    model_named,
+    notes_of,
+    prepared_by,
+    tables,
+)
+from cruise.effects import EFFECTS, Custom
+from cruise.effects.expression import ExpressionError
+from cruise.identification.structures import Structure
+from cruise.model import files
+from cruise.model.files import ModelFile, Provenance, Step
+from cruise.model.history import fields_of, history_of
+from cruise.settings import SettingsError
+from cruise.validation import ladder
+from cruise.validation.ladder import Added, Parameter
+from cruise.validation.noise_floor import NoiseFloor
+from cruise.validation.study import Study, discrete
+
+LITTLE = 0.02  # of the error: less is nothing that anyone would notice
+
+
+def add(
+    effect: Annotated[str, typer.Argument(help="Effect of cruise effects, or custom(NAME, STAGE, EXPRESSION).")],
+    recordings: Recordings,
+    model: Annotated[str, typer.Option(help="Name (arx1 .. oe8), structure written out, or model file.")],
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="Model file to write.")] = None,
+    columns: Columns = None,
+    input_name: InputName = None,
+    output_name: OutputName = None,
+    database: Database = None,
+    period: ModelPeriod = None,
+    horizon: Horizon = 3.0,
+    as_json: AsJson = False,
+) -> None:
+    """Add an effect to a model: refit all of it, and compare the error on data that neither fit had seen."""
+    wanted = _wanted(effect)
+    structure, start = model_named(model)
+    file = files.read(model) if start is not None else None
+    earlier = history_of(model, file) if file is not None else ()
+    period_s = prepared_by(period, 0.0, start).period_s
+    above_zero("--horizon", horizon)
+    if out is not None:
+        writable("--out", out)
+    read = tables(recordings, columns_of(columns, input_name, output_name, database))
+    with Console(highlight=False, stderr=True).status("reading") as status:
+        core = file.core if file is not None else None
+        study = ladder.begin(read, structure, start, core, period_s, horizon, status.update)
+        added = ladder.add(study, wanted, status.update)
+        status.update("looking for the noise floor")
+        floor = ladder.floor(study, read, added)
+    if out is not None:
+        settings.save(out, model_file(model, structure, file, earlier, study, added, floor))
+    fitted = ladder.parameters(study, added)
+    if as_json:
+        said = report(model, study, added, floor, fitted) | {"model_file": str(out) if out else None}
+        print(json.dumps(said, indent=2))
+    else:
+        _print(model, study, added, floor, fitted, out)
+
+
+def writable(option: str, path: Path) -> None:
+    """SettingsError where no model file can be written: found out before the fit, so that none is lost."""
+    destination(option, path, MODEL_FILES)
+    try:
+        with tempfile.TemporaryFile(dir=path.parent):
+            pass
+    except OSError as error:
+        raise SettingsError(f"{option} {path}: can't be written: {error.strerror}") from error
+
+
+def model_file(
+    model: str,
+    structure: Structure,
+    file: ModelFile | None,
+    earlier: tuple[Step, ...],
+    study: Study,
+    added: Added,
+    floor: NoiseFloor,
+) -> ModelFile:
+    """The better model with its history; one that began as a structure has the fitted structure as its first step."""
+    today = datetime.now(UTC).date().isoformat()
+    names = tuple(f"{one.source}, {one.time_s[0]:g} to {one.time_s[-1]:g} s" for one in study.recordings)
+    samples = sum(len(one) for one in study.recordings)
+
+    def provenance(made_by: str, error_mps: float) -> Provenance:
+        return Provenance(
+            recordings=names,
+            samples=samples,
+            made_by=made_by,
+            made_on=today,
+            error_ahead_mps=error_mps,
+            horizon_s=study.horizon_s,
+            note=f"physical core, fitted to speeds simulated from {study.horizon_s:g} s ahead on",
+        )
+
+    def step(**own: Any) -> Step:
+        return Step(
+            horizon_s=study.horizon_s,
+            floor_at_least_mps=float(floor.white.value_mps) if floor.white else None,
+            floor_at_most_mps=float(floor.reached.value_mps) if floor.reached else None,
+            recordings=names,
+            samples=samples,
+            made_on=today,
+            **own,
+        )
+
+    history = earlier
+    if file is not None:
+        before = fields_of(file)
+    else:
+        made = provenance(f"cruise add {added.effect} --model {model}, before it", added.error_before_mps)
+        begun = discrete(study, study.base)
+        before = fields_of(files.file_of(model, begun, made, core=ladder.physical(study.base.explanation)))
+        history = (step(structure=structure.name or str(structure), error_after_mps=added.error_before_mps),)
+    last = step(
+        effect=added.effect,
+        error_before_mps=added.error_before_mps,
+        error_after_mps=added.error_after_mps,
+        before=before,
+    )
+    made = provenance(f"cruise add {added.effect} --model {model}", added.error_after_mps)
+    core = ladder.physical(added.after.explanation)
+    return files.file_of(model, added.model, made, core=core, history=(*history, last))
+
+
+def report(model: str, study: Study, added: Added, floor: NoiseFloor, fitted: list[Parameter]) -> dict[str, Any]:
+    """All figures under stable names; what is not known is null."""
+    return {
+        "effect": added.effect,
+        "model": model,
+        "recordings": [one.source for one in study.recordings],
+        "samples": sum(len(one) for one in study.recordings),
+        "period_s": study.period_s,
+        "notes": notes_of(study.recordings),
+        "horizon_s": study.horizon_s,
+        "error_before_mps": added.error_before_mps,
+        "error_after_mps": added.error_after_mps,
+        "judged_samples": added.samples,
+        "noise_floor": {
+            "at_least_mps": float(floor.white.value_mps) if floor.white else None,
+            "at_most_mps": float(floor.reached.value_mps) if floor.reached else None,
+        },
+        "parameters": {one.name: {k: v for k, v in asdict(one).items() if k != "name"} for one in fitted},
+    }
+
+
+def _wanted(text: str) -> str | Custom:
+    """The effect that a word means, or the term that is written out."""
+    if text.startswith("custom"):
+        try:
+            term = Custom.written(text)
+        except ExpressionError as error:
+            raise SettingsError(str(error)) from error
+        if term.name in EFFECTS:
+            raise SettingsError(f"{text}: {term.name} is an effect already; give the term another name")
+        return term
+    if text not in EFFECTS:
+        near = difflib.get_close_matches(text.lower().replace("-", "_"), EFFECTS, n=1)
+        hint = f"did you mean {near[0]}?" if near else f"known: {', '.join(EFFECTS)}, custom(...)"
+        raise SettingsError(f"no effect is called {text}; {hint}")
+    return text
+
+
+def _print(
+    model: str, study: Study, added: Added, floor: NoiseFloor, fitted: list[Parameter], out: Path | None
+) -> None:
+    console = Console(highlight=False)
+    samples = sum(len(one) for one in study.recordings)
+    console.print(f"[bold]{added.effect}[/bold] added to {model}")
+    console.print(f"{count_of(len(study.recordings), 'recording')}, {samples} samples of {study.period_s:g} s")
+    notes = notes_of(study.recordings)
+    for note in notes[:NOTES_SHOWN]:
+        console.print(f"note: {note}", markup=False)
+    if len(notes) > NOTES_SHOWN:
+        console.print(f"and {count_of(len(notes) - NOTES_SHOWN, 'note')} more (--json has them all)")
+    less = 1.0 - added.error_after_mps / added.error_before_mps if added.error_before_mps else 0.0
+    console.print(
+        f"\nheld-out error {study.horizon_s:g} s ahead: [bold]{added.error_before_mps:.4f} -> "
+        f"{added.error_after_mps:.4f} m/s[/bold], {f'{100 * less:.0f} % less' if less >= 0.0 else 'more than before'}"
+    )
+    console.print(f"noise floor: {floor_in_words(floor)}")
+    if less < LITTLE:
+        console.print("It explains next to nothing of these recordings: cruise diagnose says what would.")
+    console.print(_table(fitted))
+    if out is None:
+        console.print("nothing was written; -o FILE.yaml keeps the model")
+    else:
+        console.print(f"model: {out}; next: cruise ladder {out}, or cruise run with it", markup=False)
+
+
+def floor_in_words(floor: NoiseFloor) -> str:
+    """Between what the error of the best model lies."""
+    said = []
+    if floor.white is not None:
+        said.append(f"at least {floor.white.value_mps:.4f} m/s")
+    if floor.reached is not None:
+        said.append(f"at most {floor.reached.value_mps:.4f} m/s")
+    return ", ".join(said) or "not known, the recordings are too short for it"
+
+
+def _table(fitted: list[Parameter]) -> Table:
+    table = Table(box=box.SIMPLE_HEAD)
+    for heading in ("parameter", "unit", "before", "after", "standard error"):
+        table.add_column(heading, justify="left" if heading in ("parameter", "unit") else "right")
+    for one in fitted:
+        before = f"{one.before:.5g}" if one.before is not None else ""
+        error = one.remark or (f"{one.std:.2g}" if math.isfinite(one.std) else "-")
+        table.add_row(one.name, one.unit, before, f"{one.after:.5g}", error)
+    return table

@@ -1,0 +1,184 @@
+"""What `cruise diagnose` shows beside the verdict: the steps that led to it, and the fitted numbers with their uncertainty."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+
+from cruise.model import prediction
+from cruise.recording import Recording
+from cruise.validation.candidates import owner
+from cruise.validation.diagnose import UNNAMED, Diagnosis, Tried
+from cruise.validation.explanation import CORE, RESONANCE, Explanation
+from cruise.validation.noise_floor import NoiseFloor, noise_floor
+from cruise.validation.search import Judged
+from cruise.validation.study import Study
+
+AT_BOUND: Final = 1e-3  # of the range between the bounds: a solver that stays inside comes no closer
+UNTOLD: Final = 0.5  # of that range: a standard error above it says that nothing was learned
+
+
+@dataclass(frozen=True, eq=False)
+class Rung:
+    """One step of the search: what came in and went out, and the fits before and after with their errors in m/s."""
+
+    added: tuple[str, ...]
+    dropped: tuple[str, ...]
+    before: Judged
+    after: Judged
+    error_before_mps: float
+    error_after_mps: float
+
+
+def rungs(found: Diagnosis) -> list[Rung]:
+    """The steps that were taken, none where nothing was added. Errors are held out, `horizon_s` ahead."""
+    stops = [*(step.before for step in found.steps), found.final]
+    return [rung(found, *pair) for pair in pairwise(stops) if pair[0] is not pair[1]]
+
+
+def rung(found: Diagnosis, before: Judged, after: Judged) -> Rung:
+    """The step from one fit to another, taken or not."""
+    old, new = members(before.explanation), members(after.explanation)
+    search, horizon_s = found.study.search, found.study.horizon_s
+    return Rung(
+        added=tuple(name for name in new if name not in old),
+        dropped=tuple(name for name in old if name not in new),
+        before=before,
+        after=after,
+        error_before_mps=search.ahead_rms_mps(before, horizon_s),
+        error_after_mps=search.ahead_rms_mps(after, horizon_s),
+    )
+
+
+def members(explanation: Explanation) -> tuple[str, ...]:
+    """Names of the effects in an explanation; all parts of an unnamed dependence are one."""
+    return (*dict.fromkeys(owner(effect) for effect in explanation.effects), *sorted(explanation.structural))
+
+
+def first_tried(found: Diagnosis, name: str) -> Tried | None:
+    """An effect beside the model as it was given; None where it was not tried."""
+    return next((one for one in found.steps[0].tried if one.name == name), None)
+
+
+def best_named(found: Diagnosis) -> Tried | None:
+    """The effect that came out best beside the model as it was given."""
+    return next((one for one in found.steps[0].tried if not one.name.startswith(UNNAMED)), None)
+
+
+def best_unnamed(found: Diagnosis) -> Tried | None:
+    """The curve without physics that came out best there."""
+    return next((one for one in found.steps[0].tried if one.name.startswith(UNNAMED)), None)
+
+
+def known(found: Diagnosis) -> Judged:
+    """The fit with every effect that was named, without the dependence that has no name."""
+    stops = [*(step.before for step in found.steps), found.final]
+    named = [one for one in stops if not any(name.startswith(UNNAMED) for name in members(one.explanation))]
+    return named[-1]
+
+
+def floor_of(found: Diagnosis, native: Sequence[Recording]) -> NoiseFloor:
+    """The noise floor `horizon_s` ahead, from the recordings as measured and what the best fit predicts."""
+    study = found.study
+    horizon = max(round(study.horizon_s / study.period_s), 1)
+    model = found.final.explanation.model(study.period_s)
+    predicted = []
+    for one in study.recordings:
+        signals = {name: one.columns[name] for name in model.uses if name in one.columns}
+        with np.errstate(over="ignore", invalid="ignore"):
+            predicted.append(prediction.ahead(model, one.input, one.output, signals, horizon))
+    return noise_floor(native, study.recordings, predicted, horizon)
+
+
+@dataclass(frozen=True)
+class Number:
+    """A fitted number with its standard error, and what is plausible."""
+
+    owner: str  # core, or an effect
+    name: str
+    unit: str
+    value: float
+    std: float
+    low: float
+    high: float
+    neutral: float  # NaN: none removes it
+    meaning: str
+
+    @property
+    def told(self) -> bool:
+        """Whether the recordings say anything about it."""
+        return not self.std > UNTOLD * (self.high - self.low)
+
+    @property
+    def absent(self) -> bool:
+        """Whether it has the value at which it does nothing."""
+        return abs(self.value - self.neutral) <= AT_BOUND * min(self.high - self.low, 1.0)
+
+    @property
+    def plausible(self) -> bool:
+        """Strictly between the bounds; or without effect, or not told, which contradicts nothing."""
+        if not np.isfinite(self.high - self.low):
+            return self.low < self.value < self.high
+        room = AT_BOUND * (self.high - self.low)
+        return self.absent or not self.told or self.low + room < self.value < self.high - room
+
+    @property
+    def remark(self) -> str:
+        """What an engineer should think of it."""
+        if not self.told:
+            return "not told by these recordings"
+        if self.absent:
+            return "no sign of it"
+        return "plausible" if self.plausible else "at its bound: not plausible"
+
+
+def numbers(study: Study, judged: Judged) -> list[Number]:
+    """All that was fitted, with standard errors from blocks of time."""
+    stds = np.sqrt(np.maximum(np.diag(study.search.covariance(judged.fit)), 0.0))
+    effects = {effect.name: effect for effect in judged.explanation.effects}
+    result = []
+    for slot, value, std in zip(judged.fit.layout.slots, judged.fit.vector.tolist(), stds.tolist(), strict=True):
+        place, name, unit, low, high, neutral = slot.owner, slot.name, "m/s", slot.low, slot.high, np.nan
+        if place == "core":
+            bound = (CORE | RESONANCE)[name]
+            place = "resonance" if name in RESONANCE else place
+            unit, meaning = bound.unit, bound.meaning
+        elif place == "offset":
+            place, meaning = "core", "speed without current"
+        elif name == "load":
+            free = effects[place].either_sign
+            low, high, unit = -np.inf if free else 0.0, np.inf, "m/s per phi"
+            meaning = "steady speed that one unit of phi brings"
+        else:
+            bound = effects[place].parameters[name]
+            unit, neutral, meaning = bound.unit, bound.neutral, bound.meaning
+        result.append(Number(place, name, unit, value, std, low, high, neutral, meaning))
+    return result
+
+
+def numbers_of(name: str, all_numbers: Sequence[Number]) -> list[Number]:
+    """Those of one effect; a transport delay is the core's."""
+    if name == "transport_delay":
+        return [one for one in all_numbers if one.owner == "core" and one.name == "delay_s"]
+    return [one for one in all_numbers if one.owner == name]
+
+
+@dataclass(frozen=True)
+class Moved:
+    """A number that was there before, and what became of it."""
+
+    before: Number
+    after: Number
+
+    @property
+    def share(self) -> float:
+        """Relative change; NaN where there was nothing."""
+        return self.after.value / self.before.value - 1.0 if self.before.value else np.nan
+
+
+def moved(before: Sequence[Number], after: Sequence[Number]) -> list[Moved]:
+    """The core, and the effects that the model had."""
+    new = {(one.owner, one.name): one for one in after}
+    return [Moved(one, new[one.owner, one.name]) for one in before if (one.owner, one.name) in new]

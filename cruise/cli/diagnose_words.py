@@ -1,0 +1,349 @@
+"""A diagnosis in words: the verdict, the physics, the numbers, what else it could be, and what to do next."""
+
+import math
+import re
+import textwrap
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from cruise.cli import diagnose_evidence as evidence
+from cruise.cli.diagnose_curve import curve
+from cruise.cli.effects import headline
+from cruise.cli.reading import NOTES_SHOWN, count_of, notes_of
+from cruise.effects import EFFECTS
+from cruise.validation.diagnose import LEAST_GAIN, SEED, UNNAMED, Diagnosis, Tried, Verdict
+from cruise.validation.search import sureness
+from cruise.validation.study import Study
+
+WIDTH: Final = 80
+LINES: Final = 8  # of the ranking; --json has them all
+RECORDINGS_SHOWN: Final = 4  # in a command; more are left to the user
+CURVE_SHOWN: Final = 5  # points of a curve
+SENTENCES: Final = 2  # of the physics; `cruise effects NAME` has them all
+SPLIT: Final = re.compile(r"(?<=[a-z)][.]) +(?=[A-Z])")
+FAR: Final = 0.05  # relative change of a parameter that is worth a word
+
+
+def say(found: Diagnosis, model: str, recordings: Sequence[str], options: Sequence[str], picture: str) -> None:
+    """Print everything, the verdict first. `recordings` and `options` are the words of the command line, quoted."""
+    console, study = Console(highlight=False, width=WIDTH), found.study
+    _print(console, sentence(found), 0, bold=True)
+    samples = sum(len(one) for one in study.recordings)
+    of = f"{count_of(len(study.recordings), 'recording')}, {samples} samples of {study.period_s:g} s"
+    _print(console, f"{model}, refitted to {of}; seed {SEED}", 0)
+    notes = notes_of(study.recordings)
+    for note in notes[:NOTES_SHOWN]:
+        _print(console, f"note: {note}", 0)
+    if len(notes) > NOTES_SHOWN:
+        _print(console, f"and {count_of(len(notes) - NOTES_SHOWN, 'note')} more (--json has them all)", 0)
+    for name in found.effects:
+        _physics(console, name)
+    _parameters(console, found)
+    _dependences(console, found)
+    _moved(console, found)
+    _steps(console, found)
+    _ranking(console, found)
+    _list(console, "look-alikes", look_alikes(found))
+    _list(console, "next experiment", _experiments(found))
+    _list(console, "what these recordings can't speak of", [_refusal(one.effect, one.reason) for one in found.refused])
+    _list(console, "to go on", _commands(found, model, recordings, options))
+    console.print(f"\npicture: {picture}", markup=False, soft_wrap=True)
+
+
+def sentence(found: Diagnosis) -> str:
+    """The verdict in one plain sentence."""
+    study, horizon = found.study, f"{found.study.horizon_s:g} s ahead"
+    before = _error(found, found.base)
+    sure = f"(confidence {confidence(found.confidence)})"
+    match found.verdict:
+        case Verdict.MISSING:
+            names, one = _all(found.effects), len(found.effects) == 1
+            after = _error(found, evidence.known(found))
+            return (
+                f"{names} {'is' if one else 'are'} missing: with {'it' if one else 'them'} the error {horizon} falls "
+                f"from {before} to {after} m/s on data that the fit has not seen {sure}."
+            )
+        case Verdict.NOTHING:
+            share = hidden_share(found)
+            return (
+                f"Nothing is missing: no effect that these recordings can speak of lowers the error {horizon}, "
+                f"{before} m/s, by as much as {100 * (1 - math.sqrt(1 - share)):.0f} % {sure}."
+            )
+        case Verdict.UNLISTED:
+            best = evidence.best_named(found)
+            rival = f"; the best effect, `{best.name}`, leaves {_error(found, best.judged)}" if best else ""
+            return (
+                f"Something is missing that is none of the effects that cruise knows: a free curve of "
+                f"{_all(found.signals)} lowers the error {horizon} from {before} to "
+                f"{_error(found, found.final)} m/s on data that the fit has not seen{rival} {sure}."
+            )
+    trials = [evidence.first_tried(found, name) for name in found.effects]
+    after = ", ".join(_error(found, one.judged) for one in trials if one is not None)
+    return (
+        f"{_all(found.effects, 'or')} is missing, and these recordings can't tell which: the error {horizon} falls from "
+        f"{before} to {after} m/s on data that the fit has not seen {sure}."
+    )
+
+
+def confidence(value: float) -> str:
+    """Two digits, and never 1."""
+    return "> 0.99" if value > 0.99 else f"{value:.2f}"
+
+
+def hidden_share(found: Diagnosis) -> float:
+    """The share of the squared error that an effect could explain without being named."""
+    best = found.steps[0].tried[0].gain if found.steps[0].tried else 0.0
+    return max(LEAST_GAIN, min(best, 1.0))
+
+
+def look_alikes(found: Diagnosis) -> list[str]:
+    """What could be taken for the verdict, and why it lost or can't be told apart."""
+    if not found.effects:
+        return []
+    told = []
+    for name in found.effects:
+        apart = next((alike[1:] for alike in found.look_alikes if alike[0] == name), ())
+        mine = _step_of(found, name)
+        others = dict.fromkeys((*apart, *_runner_up(found, name), *EFFECTS[name].about.look_alikes))
+        for other in others:
+            if other in found.effects and other not in apart:
+                continue
+            told.append(f"`{name}` or `{other}`: {_against(found, mine, other, other in apart)}")
+    return told
+
+
+def _step_of(found: Diagnosis, name: str) -> dict[str, Tried]:
+    """Everything that was tried in the step at which an effect was found."""
+    steps = [step for step in found.steps if step.tried and step.tried[0].name == name]
+    return {one.name: one for one in (steps or found.steps)[0].tried} | {"": _mine(found, name)}
+
+
+def _mine(found: Diagnosis, name: str) -> Tried:
+    steps = [step for step in found.steps if step.tried and step.tried[0].name == name]
+    return next(one for one in (steps or found.steps)[0].tried if one.name == name)
+
+
+def _runner_up(found: Diagnosis, name: str) -> list[str]:
+    tried = [one for one in _step_of(found, name) if one and one != name and one not in found.effects]
+    return [one for one in tried if not one.startswith(UNNAMED)][:1]
+
+
+def _against(found: Diagnosis, tried: dict[str, Tried], other: str, alike: bool) -> str:
+    if other not in tried:
+        reasons = {one.effect: one.reason for one in found.refused}
+        if other in reasons:
+            return f"not ruled out, {reasons[other]}"
+        return "in the model already"
+    mine, its = tried[""], tried[other]
+    errors = f"{_error(found, its.judged)} m/s against {_error(found, mine.judged)}"
+    if alike:
+        return f"can't be told apart, {errors}"
+    apart = sureness(its.judged, mine.judged, np.random.default_rng(SEED))
+    credit = its.counted / its.gain if its.gain > 0.0 else 1.0
+    moved = f"; it answers to the drive itself and counts for {100 * credit:.0f} %" if credit < 0.999 else ""
+    return f"leaves {errors}, {apart:.1f} standard errors apart{moved}"
+
+
+def _error(found: Diagnosis, judged: evidence.Judged) -> str:
+    return figure(found.study.search.ahead_rms_mps(judged, found.study.horizon_s))
+
+
+def figure(value: float) -> str:
+    """Three digits."""
+    return f"{value:.3g}" if math.isfinite(value) else "-"
+
+
+def _all(names: Sequence[str], word: str = "and") -> str:
+    quoted = [f"`{name}`" for name in names]
+    return f" {word} ".join([", ".join(quoted[:-1]), quoted[-1]]) if len(quoted) > 1 else "".join(quoted)
+
+
+def _physics(console: Console, name: str) -> None:
+    about = EFFECTS[name].about
+    console.print(f"\n[bold]{name}[/bold]")
+    first = headline(EFFECTS[name]())
+    _print(console, " ".join([first, *SPLIT.split(about.physics)[:SENTENCES]]))
+    _print(console, about.equation, 6)
+
+
+def _parameters(console: Console, found: Diagnosis) -> None:
+    wanted = found.effects
+    if not wanted:
+        return
+    table = _table("parameters", "effect", "parameter", "value", "± std. error", "unit", "")
+    for name, judged in _fits(found):
+        for one in evidence.numbers_of(name, evidence.numbers(found.study, judged)):
+            table.add_row(name, one.name, figure(one.value), figure(one.std), one.unit, one.remark)
+    console.print()
+    console.print(table)
+
+
+def _fits(found: Diagnosis) -> list[tuple[str, evidence.Judged]]:
+    """Every effect of the verdict with the fit that holds it."""
+    if found.verdict is Verdict.AMBIGUOUS:
+        trials = [(name, evidence.first_tried(found, name)) for name in found.effects]
+        return [(name, one.judged) for name, one in trials if one is not None]
+    return [(name, evidence.known(found)) for name in found.effects]
+
+
+def _dependences(console: Console, found: Diagnosis) -> None:
+    """The curves of what no effect describes."""
+    names = [name for name in evidence.members(found.final.explanation) if name.startswith(UNNAMED)]
+    for name in names:
+        drawn = curve(found.study, found.base, found.final, name)
+        beside = " beside it" if found.effects else ""
+        table = _table(f"what depends on {name.removeprefix(UNNAMED)}{beside}", drawn.x_name, drawn.y_words, "± std.")
+        for i in np.linspace(0, len(drawn.x) - 1, CURVE_SHOWN).round().astype(int):
+            std = figure(float(drawn.std[i])) if drawn.std is not None else "-"
+            table.add_row(f"{drawn.x[i]:.4g}", f"{drawn.y[i]:+.3g}", std)
+        console.print()
+        console.print(table)
+
+
+def _moved(console: Console, found: Diagnosis) -> None:
+    study = found.study
+    if not evidence.rungs(found):
+        return
+    changed = evidence.moved(evidence.numbers(study, found.base), evidence.numbers(study, found.final))
+    table = _table("what moved in the rest of the model", "parameter", "before", "±", "after", "±", "unit")
+    for one in changed:
+        place = "" if one.before.owner == "core" else f"{one.before.owner}."
+        before, after = one.before, one.after
+        table.add_row(
+            f"{place}{before.name}", figure(before.value), figure(before.std), figure(after.value), figure(after.std),
+            before.unit,
+        )  # fmt: skip
+    console.print()
+    console.print(table)
+    most = max((one for one in changed if one.before.name != "offset_mps"), key=lambda one: abs(one.share))
+    if abs(most.share) > FAR:
+        _print(console, f"most moved: {most.before.name}, by {100 * most.share:+.0f} %")
+    else:
+        _print(console, f"nothing moved by more than {100 * FAR:.0f} %")
+
+
+def _steps(console: Console, found: Diagnosis) -> None:
+    ladder = evidence.rungs(found)
+    if len(ladder) < 2:
+        return
+    title = f"how the error {found.study.horizon_s:g} s ahead fell, held out"
+    table = _table(title, "step", "error m/s", "explained of the squared error")
+    first = ladder[0].error_before_mps
+    table.add_row("the model", figure(first), "")
+    for one in ladder:
+        words = [f"+ {_plain(name)}" for name in one.added] + [f"- {_plain(name)}" for name in one.dropped]
+        share = 1.0 - (one.error_after_mps / first) ** 2
+        table.add_row(", ".join(words), figure(one.error_after_mps), f"{100 * share:.0f} %")
+    console.print()
+    console.print(table)
+
+
+def _ranking(console: Console, found: Diagnosis) -> None:
+    study = found.study
+    before = found.ranking[0].error_before_mps if found.ranking else math.nan
+    title = f"each effect alone beside the model, {study.horizon_s:g} s ahead, held out; without: {figure(before)} m/s"
+    table = _table(title, "effect", "error m/s", "gain %", "std. errors", "confidence", "")
+    tried = {one.name: one for one in found.steps[0].tried}
+    for one in found.ranking[:LINES]:
+        trial = tried[one.effect]
+        table.add_row(
+            one.effect, figure(one.error_after_mps), f"{100 * trial.gain:.0f}", f"{trial.sureness:.1f}",
+            confidence(one.confidence), _credit(trial),
+        )  # fmt: skip
+    unnamed = evidence.best_unnamed(found)
+    if unnamed is not None:
+        table.add_row(
+            _plain(unnamed.name), _error(found, unnamed.judged), f"{100 * unnamed.gain:.0f}",
+            f"{unnamed.sureness:.1f}", "", "no physics", style="dim",
+        )  # fmt: skip
+    console.print()
+    console.print(table)
+    rest = len(found.ranking) - LINES
+    if rest > 0:
+        _print(console, f"and {count_of(rest, 'effect')} more that explain less (--json has them all)")
+    if found.verdict is Verdict.NOTHING:
+        _list(console, "what could have hidden", _hidden(found))
+
+
+def _credit(trial: Tried) -> str:
+    return f"counts {100 * trial.counted / trial.gain:.0f} %" if trial.gain > 0.01 and trial.counted < trial.gain else ""
+
+
+def _hidden(found: Diagnosis) -> list[str]:
+    share, before = hidden_share(found), found.study.search.ahead_rms_mps(found.base, found.study.horizon_s)
+    said = [
+        f"an effect that moves the speed {found.study.horizon_s:g} s ahead by less than "
+        f"{figure(math.sqrt(share) * before)} m/s RMS would not have been named"
+    ]
+    for one in found.ranking[:3]:
+        trial = evidence.first_tried(found, one.effect)
+        if trial is None:
+            continue
+        size = float(np.sqrt(np.nanmean((found.base.fit.error_mps - trial.judged.fit.error_mps) ** 2)))
+        fitted = evidence.numbers_of(one.effect, evidence.numbers(found.study, trial.judged))
+        shape = ", ".join(f"{n.name} {figure(n.value)} ± {figure(n.std)} {n.unit}".rstrip(" -") for n in fitted)
+        said.append(f"`{one.effect}` at its best fit moves it by {figure(size)} m/s ({shape})")
+    return said
+
+
+def _experiments(found: Diagnosis) -> list[str]:
+    if found.verdict is Verdict.AMBIGUOUS:
+        return [f"`{name}`: {EFFECTS[name].about.experiment}" for name in found.effects]
+    return [found.next_experiment] if found.next_experiment else []
+
+
+def _refusal(effect: str, reason: str) -> str:
+    return f"`{effect}`: {reason} - " + ("not excited, not absent" if "never moves" in reason else "it can't be blamed")
+
+
+def _commands(found: Diagnosis, model: str, recordings: Sequence[str], options: Sequence[str]) -> list[str]:
+    """What adds the effects, one after the other."""
+    if not found.effects or found.verdict is Verdict.AMBIGUOUS:
+        return []
+    files = " ".join(recordings if len(recordings) <= RECORDINGS_SHOWN else ["RECORDING..."])
+    tail = "".join(f" {word}" for word in options)
+    lines, base = [], model
+    for i, name in enumerate(found.effects):
+        out = "better.yaml" if i == 0 else f"better_{i + 1}.yaml"
+        lines.append(f"cruise add {name} --model {base} {files}{tail} -o {out}")
+        base = out
+    return lines
+
+
+def _plain(name: str) -> str:
+    return f"a curve of {name.removeprefix(UNNAMED)}" if name.startswith(UNNAMED) else name
+
+
+def _table(title: str, *headings: str) -> Table:
+    table = Table(box=box.SIMPLE_HEAD, title=f"[bold]{title}[/bold]", title_justify="left", title_style="")
+    left = {"effect", "parameter", "step", "unit", ""}
+    for heading in headings:
+        table.add_column(heading, justify="left" if heading in left else "right")
+    return table
+
+
+def _list(console: Console, title: str, entries: Sequence[str]) -> None:
+    if entries:
+        console.print(f"\n[bold]{title}[/bold]")
+    for entry in entries:
+        _print(console, entry)
+
+
+def _print(console: Console, text: str, indent: int = 2, bold: bool = False) -> None:
+    """A sentence, its further lines indented; a command stays on one line."""
+    whole = text.startswith("cruise ")
+    wrapped = textwrap.fill(
+        text, 10_000 if whole else WIDTH, initial_indent=" " * indent, subsequent_indent=" " * (indent + 2 * (indent > 0)),
+        break_on_hyphens=False, break_long_words=False,
+    )  # fmt: skip
+    console.print(wrapped, markup=False, soft_wrap=True, style="bold" if bold else None)
+
+
+def study_of(found: Diagnosis) -> Study:
+    """The study of a diagnosis."""
+    return found.study

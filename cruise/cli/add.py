@@ -231,8 +231,9 @@ def floor_in_words(floor: NoiseFloor) -> str:
 
 def _table(fitted: list[Parameter]) -> Table:
     table = Table(box=box.SIMPLE_HEAD)
-    for heading in ("parameter", "unit", "before", "after", "standard error"):
-        table.add_column(heading, justify="left" if heading in ("parameter", "unit") else "right")
+    for heading in ("parameter", "unit", "before", "after", "+-"):
+        words = heading in ("parameter", "unit")
+        table.add_column(heading, justify="left" if words else "right", no_wrap=heading == "parameter")
     for one in fitted:
         before = f"{one.before:.5g}" if one.before is not None else ""
         error = one.remark or (f"{one.std:.2g}" if math.isfinite(one.std) else "-")

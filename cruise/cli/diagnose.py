@@ -32,9 +32,11 @@ from cruise.cli.reading import (
     prepared_by,
     tables,
 )
+from cruise.identification.regressors import FitError
+from cruise.model import files
+from cruise.validation import ladder
 from cruise.validation.diagnose import SEED, UNNAMED, Diagnosis
 from cruise.validation.diagnose import diagnose as search
-from cruise.validation.study import study
 
 UNFILTERED_HZ: Final = 0.0  # the search weighs frequencies itself
 CURVE_SHOWN: Final = 9  # points of a curve in --json
@@ -55,15 +57,21 @@ def diagnose(
     as_json: AsJson = False,
 ) -> None:
     """Name the physical effect that a model lacks, or say that nothing is missing, or what to drive to find out."""
-    structure, file = model_named(model)
-    period_s = prepared_by(period, UNFILTERED_HZ, file).period_s
+    structure, start = model_named(model)
+    if structure.nb == 0:
+        raise FitError(
+            f"{model}: a model without the current has nothing that an effect could act on; give nb=1 or more"
+        )
+    core = files.read(model).core if start is not None else None
+    period_s = prepared_by(period, UNFILTERED_HZ, start).period_s
     above_zero("--horizon", horizon)
     wanted = picture if picture is not None or as_json else OUT / "diagnose.png"
     if wanted is not None:
         destination("--picture", wanted, PICTURES)
     with Console(highlight=False, stderr=True).status("reading") as status:
         native = tables(recordings, columns_of(columns, input_name, output_name, database))
-        found = search(study(native, structure, file, period_s, horizon, status.update), status.update)
+        begun = ladder.begin(native, structure, start, core, period_s, horizon, status.update)
+        found = search(begun, status.update)
         status.update("weighing the evidence")
         said = report(found, model, str(structure))
         if wanted is not None:
@@ -84,7 +92,6 @@ def report(found: Diagnosis, model: str, structure: str) -> dict[str, Any]:
     """The verdict as the design has it, then what it rests on; what is no number is null, so that it is JSON."""
     final, base = evidence.known(found), found.base
     numbers = evidence.numbers(found.study, final)
-    search, horizon_s = found.study.search, found.study.horizon_s
     return {
         "verdict": found.verdict.value,
         "effects": list(found.effects),
@@ -101,9 +108,9 @@ def report(found: Diagnosis, model: str, structure: str) -> dict[str, Any]:
         "look_alikes": [list(alike) for alike in found.look_alikes],
         "next_experiment": found.next_experiment,
         "confidence": _number(found.confidence),
-        "error_before_mps": _number(search.ahead_rms_mps(base, horizon_s)),
-        "error_after_mps": _number(search.ahead_rms_mps(final, horizon_s)),
-        "horizon_s": horizon_s,
+        "error_before_mps": _number(evidence.error_mps(found, base)),
+        "error_after_mps": _number(evidence.error_mps(found, final)),
+        "horizon_s": found.study.horizon_s,
         "model": model,
         "structure": structure,
         "recordings": [one.source for one in found.study.recordings],

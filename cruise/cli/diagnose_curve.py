@@ -20,7 +20,7 @@ from cruise.validation.diagnose import UNNAMED
 from cruise.validation.explanation import Explanation
 from cruise.validation.search import Judged
 from cruise.validation.study import Study
-from cruise.validation.unnamed import SPEED, UnnamedDirection
+from cruise.validation.unnamed import SPEED, Unnamed, UnnamedDirection
 
 POINTS: Final = 101  # of a curve
 FEW_VALUES: Final = 6  # a signal with no more different values has states, such as gears
@@ -123,8 +123,9 @@ def _settled(one: Explanation, effect_name: str, usual: dict[str, float], name: 
 
 def _unnamed(study: Study, before: Judged, after: Judged, name: str) -> Curve:
     """What the dependence does to the steady speed, over its signal, at the usual current."""
-    signal = name.removeprefix(UNNAMED)
-    parts = tuple(effect.name for effect in after.explanation.effects if owner(effect) == name)
+    mine = [effect for effect in after.explanation.effects if owner(effect) == name]
+    parts = tuple(effect.name for effect in mine)
+    signal = next((effect.signal for effect in mine if isinstance(effect, Unnamed)), INPUT)  # may be derived from it
     current_ma = _typical(study.search.scene.current_ma)
     usual = {key: _typical(values) for key, values in study.search.scene.signals.items()}
     usual[SPEED] = usual[OUTPUT]
@@ -226,4 +227,3 @@ def _spoken(name: str) -> tuple[str, str]:
     if name == SPEED:
         return "speed one sample before", "m/s"
     return (name, SIGNALS[name].unit) if name in SIGNALS else (name, "")
-

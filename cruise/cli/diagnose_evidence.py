@@ -1,4 +1,4 @@
-"""What `cruise diagnose` shows beside the verdict: the steps that led to it, and the fitted numbers with their uncertainty."""
+"""What `cruise diagnose` shows beside the verdict: the steps that led to it, fitted numbers with their uncertainty."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,6 +17,8 @@ from cruise.validation.search import Judged
 from cruise.validation.study import Study
 
 AT_BOUND: Final = 1e-3  # of the range between the bounds: a solver that stays inside comes no closer
+SURE: Final = 2.0  # standard errors
+LITTLE: Final = 0.01  # relative change that matters to nobody
 UNTOLD: Final = 0.5  # of that range: a standard error above it says that nothing was learned
 
 
@@ -41,14 +43,26 @@ def rungs(found: Diagnosis) -> list[Rung]:
 def rung(found: Diagnosis, before: Judged, after: Judged) -> Rung:
     """The step from one fit to another, taken or not."""
     old, new = members(before.explanation), members(after.explanation)
-    search, horizon_s = found.study.search, found.study.horizon_s
     return Rung(
         added=tuple(name for name in new if name not in old),
         dropped=tuple(name for name in old if name not in new),
         before=before,
         after=after,
-        error_before_mps=search.ahead_rms_mps(before, horizon_s),
-        error_after_mps=search.ahead_rms_mps(after, horizon_s),
+        error_before_mps=error_mps(found, before),
+        error_after_mps=error_mps(found, after),
+    )
+
+
+def error_mps(found: Diagnosis, judged: Judged) -> float:
+    """Held-out RMS in m/s `horizon_s` ahead: that of the ranking where it stands there, for it takes a while."""
+    ranked = {one.effect: one for one in found.ranking}
+    if ranked and judged is found.base:
+        return found.ranking[0].error_before_mps
+    name = next((one.name for one in found.steps[0].tried if one.judged is judged and one.name in ranked), None)
+    return (
+        found.study.search.ahead_rms_mps(judged, found.study.horizon_s)
+        if name is None
+        else ranked[name].error_after_mps
     )
 
 
@@ -109,7 +123,7 @@ class Number:
     @property
     def told(self) -> bool:
         """Whether the recordings say anything about it."""
-        return not self.std > UNTOLD * (self.high - self.low)
+        return not self.std > UNTOLD * (self.high - self.low) and (self.std > 0.0 or np.isinf(self.high - self.low))
 
     @property
     def absent(self) -> bool:
@@ -128,10 +142,10 @@ class Number:
     def remark(self) -> str:
         """What an engineer should think of it."""
         if not self.told:
-            return "not told by these recordings"
+            return "not told by the data"
         if self.absent:
             return "no sign of it"
-        return "plausible" if self.plausible else "at its bound: not plausible"
+        return "plausible" if self.plausible else "at its bound"
 
 
 def numbers(study: Study, judged: Judged) -> list[Number]:
@@ -142,7 +156,7 @@ def numbers(study: Study, judged: Judged) -> list[Number]:
     for slot, value, std in zip(judged.fit.layout.slots, judged.fit.vector.tolist(), stds.tolist(), strict=True):
         place, name, unit, low, high, neutral = slot.owner, slot.name, "m/s", slot.low, slot.high, np.nan
         if place == "core":
-            bound = (CORE | RESONANCE)[name]
+            bound = {**CORE, **RESONANCE}[name]
             place = "resonance" if name in RESONANCE else place
             unit, meaning = bound.unit, bound.meaning
         elif place == "offset":
@@ -176,6 +190,12 @@ class Moved:
     def share(self) -> float:
         """Relative change; NaN where there was nothing."""
         return self.after.value / self.before.value - 1.0 if self.before.value else np.nan
+
+    @property
+    def far(self) -> bool:
+        """Whether it moved by more than its standard errors, taken as independent, let it."""
+        change = abs(self.after.value - self.before.value)
+        return bool(change > SURE * np.hypot(self.before.std, self.after.std) and abs(self.share) > LITTLE)
 
 
 def moved(before: Sequence[Number], after: Sequence[Number]) -> list[Moved]:

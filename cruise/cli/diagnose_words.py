@@ -13,20 +13,20 @@ from rich.table import Table
 
 from cruise.cli import diagnose_evidence as evidence
 from cruise.cli.diagnose_curve import curve
+from cruise.cli.diagnose_evidence import SURE, Number
 from cruise.cli.effects import headline
 from cruise.cli.reading import NOTES_SHOWN, count_of, notes_of
 from cruise.effects import EFFECTS
 from cruise.validation.diagnose import LEAST_GAIN, SEED, UNNAMED, Diagnosis, Tried, Verdict
-from cruise.validation.search import sureness
-from cruise.validation.study import Study
+from cruise.validation.search import Judged, sureness
 
 WIDTH: Final = 80
 LINES: Final = 8  # of the ranking; --json has them all
 RECORDINGS_SHOWN: Final = 4  # in a command; more are left to the user
 CURVE_SHOWN: Final = 5  # points of a curve
+NAME_WIDTH: Final = 18  # of the longest name of an effect
 SENTENCES: Final = 2  # of the physics; `cruise effects NAME` has them all
 SPLIT: Final = re.compile(r"(?<=[a-z)][.]) +(?=[A-Z])")
-FAR: Final = 0.05  # relative change of a parameter that is worth a word
 
 
 def say(found: Diagnosis, model: str, recordings: Sequence[str], options: Sequence[str], picture: str) -> None:
@@ -34,16 +34,16 @@ def say(found: Diagnosis, model: str, recordings: Sequence[str], options: Sequen
     console, study = Console(highlight=False, width=WIDTH), found.study
     _print(console, sentence(found), 0, bold=True)
     samples = sum(len(one) for one in study.recordings)
-    of = f"{count_of(len(study.recordings), 'recording')}, {samples} samples of {study.period_s:g} s"
-    _print(console, f"{model}, refitted to {of}; seed {SEED}", 0)
+    _print(console, f"{model}, refitted; seed {SEED}", 0)
+    _print(console, f"{count_of(len(study.recordings), 'recording')}, {samples} samples of {study.period_s:g} s", 0)
     notes = notes_of(study.recordings)
     for note in notes[:NOTES_SHOWN]:
         _print(console, f"note: {note}", 0)
     if len(notes) > NOTES_SHOWN:
         _print(console, f"and {count_of(len(notes) - NOTES_SHOWN, 'note')} more (--json has them all)", 0)
-    for name in found.effects:
+    for name, judged in _fits(found):
         _physics(console, name)
-    _parameters(console, found)
+        _parameters(console, evidence.numbers_of(name, evidence.numbers(found.study, judged)))
     _dependences(console, found)
     _moved(console, found)
     _steps(console, found)
@@ -57,7 +57,7 @@ def say(found: Diagnosis, model: str, recordings: Sequence[str], options: Sequen
 
 def sentence(found: Diagnosis) -> str:
     """The verdict in one plain sentence."""
-    study, horizon = found.study, f"{found.study.horizon_s:g} s ahead"
+    horizon = f"{found.study.horizon_s:g} s ahead"
     before = _error(found, found.base)
     sure = f"(confidence {confidence(found.confidence)})"
     match found.verdict:
@@ -83,16 +83,18 @@ def sentence(found: Diagnosis) -> str:
                 f"{_error(found, found.final)} m/s on data that the fit has not seen{rival} {sure}."
             )
     trials = [evidence.first_tried(found, name) for name in found.effects]
-    after = ", ".join(_error(found, one.judged) for one in trials if one is not None)
+    after = " or ".join(_error(found, one.judged) for one in trials if one is not None)
     return (
-        f"{_all(found.effects, 'or')} is missing, and these recordings can't tell which: the error {horizon} falls from "
-        f"{before} to {after} m/s on data that the fit has not seen {sure}."
+        f"{_all(found.effects, 'or')} is missing, and these recordings can't tell which: the error {horizon} falls "
+        f"from {before} to {after} m/s on data that the fit has not seen {sure}."
     )
 
 
 def confidence(value: float) -> str:
-    """Two digits, and never 1."""
-    return "> 0.99" if value > 0.99 else f"{value:.2f}"
+    """Two digits, and never 1 or 0."""
+    if value > 0.99:
+        return "> 0.99"
+    return "< 0.01" if value < 0.01 else f"{value:.2f}"
 
 
 def hidden_share(found: Diagnosis) -> float:
@@ -136,9 +138,7 @@ def _runner_up(found: Diagnosis, name: str) -> list[str]:
 def _against(found: Diagnosis, tried: dict[str, Tried], other: str, alike: bool) -> str:
     if other not in tried:
         reasons = {one.effect: one.reason for one in found.refused}
-        if other in reasons:
-            return f"not ruled out, {reasons[other]}"
-        return "in the model already"
+        return f"not ruled out, {reasons[other]}" if other in reasons else "the model has it already"
     mine, its = tried[""], tried[other]
     errors = f"{_error(found, its.judged)} m/s against {_error(found, mine.judged)}"
     if alike:
@@ -146,16 +146,20 @@ def _against(found: Diagnosis, tried: dict[str, Tried], other: str, alike: bool)
     apart = sureness(its.judged, mine.judged, np.random.default_rng(SEED))
     credit = its.counted / its.gain if its.gain > 0.0 else 1.0
     moved = f"; it answers to the drive itself and counts for {100 * credit:.0f} %" if credit < 0.999 else ""
+    if apart < SURE:
+        return f"leaves {errors}, too close for the errors to decide ({apart:+.1f} standard errors){moved}"
     return f"leaves {errors}, {apart:.1f} standard errors apart{moved}"
 
 
-def _error(found: Diagnosis, judged: evidence.Judged) -> str:
-    return figure(found.study.search.ahead_rms_mps(judged, found.study.horizon_s))
+def _error(found: Diagnosis, judged: Judged) -> str:
+    return figure(evidence.error_mps(found, judged))
 
 
 def figure(value: float) -> str:
-    """Three digits."""
-    return f"{value:.3g}" if math.isfinite(value) else "-"
+    """Three digits, all of them where there are more: 0.00680, 161, 1250; a dash for what is no number."""
+    if not math.isfinite(value):
+        return "-"
+    return f"{value:.0f}" if abs(value) >= 1000.0 else f"{value:#.3g}".rstrip(".")
 
 
 def _all(names: Sequence[str], word: str = "and") -> str:
@@ -166,24 +170,22 @@ def _all(names: Sequence[str], word: str = "and") -> str:
 def _physics(console: Console, name: str) -> None:
     about = EFFECTS[name].about
     console.print(f"\n[bold]{name}[/bold]")
-    first = headline(EFFECTS[name]())
-    _print(console, " ".join([first, *SPLIT.split(about.physics)[:SENTENCES]]))
+    what = headline(EFFECTS[name]()).partition(": ")[2]
+    _print(console, " ".join([what[:1].upper() + what[1:], *SPLIT.split(about.physics)[:SENTENCES]]), flush=True)
     _print(console, about.equation, 6)
 
 
-def _parameters(console: Console, found: Diagnosis) -> None:
-    wanted = found.effects
-    if not wanted:
-        return
-    table = _table("parameters", "effect", "parameter", "value", "± std. error", "unit", "")
-    for name, judged in _fits(found):
-        for one in evidence.numbers_of(name, evidence.numbers(found.study, judged)):
-            table.add_row(name, one.name, figure(one.value), figure(one.std), one.unit, one.remark)
-    console.print()
+def _parameters(console: Console, fitted: Sequence[Number]) -> None:
+    table = _table("", "parameter", "value", "±", "unit", "plausible range", "")
+    for one in fitted:
+        bounded = math.isfinite(one.high - one.low)
+        span = f"{one.low:g} to {one.high:g}" if bounded else ("above 0" if one.low == 0.0 else "any")
+        error = figure(one.std) if one.std > 0.0 else "-"
+        table.add_row(one.name, figure(one.value), error, one.unit, span, one.remark)
     console.print(table)
 
 
-def _fits(found: Diagnosis) -> list[tuple[str, evidence.Judged]]:
+def _fits(found: Diagnosis) -> list[tuple[str, Judged]]:
     """Every effect of the verdict with the fit that holds it."""
     if found.verdict is Verdict.AMBIGUOUS:
         trials = [(name, evidence.first_tried(found, name)) for name in found.effects]
@@ -210,7 +212,8 @@ def _moved(console: Console, found: Diagnosis) -> None:
     if not evidence.rungs(found):
         return
     changed = evidence.moved(evidence.numbers(study, found.base), evidence.numbers(study, found.final))
-    table = _table("what moved in the rest of the model", "parameter", "before", "±", "after", "±", "unit")
+    which = f" with {found.effects[0]}" if found.verdict is Verdict.AMBIGUOUS else ""
+    table = _table(f"what moved in the rest of the model{which}", "parameter", "before", "±", "after", "±", "unit")
     for one in changed:
         place = "" if one.before.owner == "core" else f"{one.before.owner}."
         before, after = one.before, one.after
@@ -220,11 +223,11 @@ def _moved(console: Console, found: Diagnosis) -> None:
         )  # fmt: skip
     console.print()
     console.print(table)
-    most = max((one for one in changed if one.before.name != "offset_mps"), key=lambda one: abs(one.share))
-    if abs(most.share) > FAR:
-        _print(console, f"most moved: {most.before.name}, by {100 * most.share:+.0f} %")
-    else:
-        _print(console, f"nothing moved by more than {100 * FAR:.0f} %")
+    far = [f"{one.before.name} {100 * one.share:+.0f} %" for one in changed if one.far]
+    told = (
+        f"moved by more than {SURE:g} standard errors: {', '.join(far)}" if far else "nothing moved beyond its errors"
+    )
+    _print(console, told)
 
 
 def _steps(console: Console, found: Diagnosis) -> None:
@@ -247,22 +250,26 @@ def _ranking(console: Console, found: Diagnosis) -> None:
     study = found.study
     before = found.ranking[0].error_before_mps if found.ranking else math.nan
     title = f"each effect alone beside the model, {study.horizon_s:g} s ahead, held out; without: {figure(before)} m/s"
-    table = _table(title, "effect", "error m/s", "gain %", "std. errors", "confidence", "")
+    table = _table(title, "effect", "error m/s", "explains %", "t", "confidence", "")
     tried = {one.name: one for one in found.steps[0].tried}
     for one in found.ranking[:LINES]:
         trial = tried[one.effect]
+        step = found.effects.index(one.effect) + 1 if one.effect in found.effects else 1
+        later = f"in step {step}" if step > 1 and found.verdict is Verdict.MISSING else ""
         table.add_row(
-            one.effect, figure(one.error_after_mps), f"{100 * trial.gain:.0f}", f"{trial.sureness:.1f}",
-            confidence(one.confidence), _credit(trial),
+            one.effect, figure(one.error_after_mps), f"{round(100 * trial.gain)}", f"{trial.sureness:.1f}",
+            confidence(one.confidence), _credit(trial) or later,
         )  # fmt: skip
     unnamed = evidence.best_unnamed(found)
     if unnamed is not None:
+        name = f"any curve of {unnamed.name.removeprefix(UNNAMED)}"
         table.add_row(
-            _plain(unnamed.name), _error(found, unnamed.judged), f"{100 * unnamed.gain:.0f}",
+            name, _error(found, unnamed.judged), f"{round(100 * unnamed.gain)}",
             f"{unnamed.sureness:.1f}", "", "no physics", style="dim",
         )  # fmt: skip
     console.print()
     console.print(table)
+    _print(console, "t: standard errors by which the squared error fell, over blocks of time")
     rest = len(found.ranking) - LINES
     if rest > 0:
         _print(console, f"and {count_of(rest, 'effect')} more that explain less (--json has them all)")
@@ -271,11 +278,13 @@ def _ranking(console: Console, found: Diagnosis) -> None:
 
 
 def _credit(trial: Tried) -> str:
-    return f"counts {100 * trial.counted / trial.gain:.0f} %" if trial.gain > 0.01 and trial.counted < trial.gain else ""
+    return (
+        f"counts {100 * trial.counted / trial.gain:.0f} %" if trial.gain > 0.01 and trial.counted < trial.gain else ""
+    )
 
 
 def _hidden(found: Diagnosis) -> list[str]:
-    share, before = hidden_share(found), found.study.search.ahead_rms_mps(found.base, found.study.horizon_s)
+    share, before = hidden_share(found), evidence.error_mps(found, found.base)
     said = [
         f"an effect that moves the speed {found.study.horizon_s:g} s ahead by less than "
         f"{figure(math.sqrt(share) * before)} m/s RMS would not have been named"
@@ -320,10 +329,14 @@ def _plain(name: str) -> str:
 
 
 def _table(title: str, *headings: str) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, title=f"[bold]{title}[/bold]", title_justify="left", title_style="")
+    heading = f"[bold]{title}[/bold]" if title else None
+    table = Table(box=box.SIMPLE_HEAD, title=heading, title_justify="left", title_style="", pad_edge=False)
     left = {"effect", "parameter", "step", "unit", ""}
     for heading in headings:
-        table.add_column(heading, justify="left" if heading in left else "right")
+        name = heading == "effect"
+        table.add_column(
+            heading, justify="left" if heading in left else "right", min_width=NAME_WIDTH if name else None
+        )
     return table
 
 
@@ -334,16 +347,16 @@ def _list(console: Console, title: str, entries: Sequence[str]) -> None:
         _print(console, entry)
 
 
-def _print(console: Console, text: str, indent: int = 2, bold: bool = False) -> None:
-    """A sentence, its further lines indented; a command stays on one line."""
+def _print(console: Console, text: str, indent: int = 2, bold: bool = False, flush: bool = False) -> None:
+    """A sentence, its further lines indented unless they are flush; a command stays on one line."""
     whole = text.startswith("cruise ")
+    further = indent if flush or not indent else indent + 2
     wrapped = textwrap.fill(
-        text, 10_000 if whole else WIDTH, initial_indent=" " * indent, subsequent_indent=" " * (indent + 2 * (indent > 0)),
-        break_on_hyphens=False, break_long_words=False,
-    )  # fmt: skip
+        text,
+        max(WIDTH, len(text) + indent) if whole else WIDTH,
+        initial_indent=" " * indent,
+        subsequent_indent=" " * further,
+        break_on_hyphens=False,
+        break_long_words=False,
+    )
     console.print(wrapped, markup=False, soft_wrap=True, style="bold" if bold else None)
-
-
-def study_of(found: Diagnosis) -> Study:
-    """The study of a diagnosis."""
-    return found.study

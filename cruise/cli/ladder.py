@@ -72,8 +72,9 @@ def rungs_of(history: tuple[Step, ...]) -> list[Rung]:
     rungs = []
     for step in history:
         floor_mps = floor_of(step)
-        known = floor_mps is not None and floor_mps < top_mps
-        share = (top_mps - step.error_after_mps) / (top_mps - floor_mps) if known else None
+        share = None
+        if floor_mps is not None and floor_mps < top_mps:
+            share = (top_mps - step.error_after_mps) / (top_mps - floor_mps)
         rungs.append(Rung(f"+ {step.effect}" if step.effect else step.structure, step, share))
     return rungs
 

@@ -22,7 +22,7 @@ def draw(rungs: "Sequence[Rung]", name: str, path: Path) -> Path:
 
     steps = [one.step for one in rungs]
     first = steps[0].error_before_mps
-    levels = [] if first is None else [("before", first)]
+    levels = [] if first is None else [("before,\nrefitted", first)]
     levels += [(one.name, one.step.error_after_mps) for one in rungs]
     figure, axis = plt.subplots(figsize=(max(6.0, 1.6 * len(levels) + 2.5), 5.0), layout="constrained")
     for k, (_, error_mps) in enumerate(levels):
@@ -38,6 +38,10 @@ def draw(rungs: "Sequence[Rung]", name: str, path: Path) -> Path:
             (k - 0.5, step.error_before_mps),
             arrowprops={"arrowstyle": "-|>", "color": ORANGE, "lw": 1.8, "shrinkA": 0, "shrinkB": 0},
         )
+        if step.error_before_mps > 0.0:
+            change_pct = 100.0 * (step.error_after_mps / step.error_before_mps - 1.0)
+            middle = 0.5 * (step.error_after_mps + step.error_before_mps)
+            axis.annotate(f"{change_pct:+.0f} %", (k - 0.5, middle), (6, 0), textcoords="offset points", va="center")
     last = steps[-1]
     least, most = last.floor_at_least_mps, last.floor_at_most_mps
     bounds = [one for one in (least, most) if one is not None]
@@ -49,6 +53,7 @@ def draw(rungs: "Sequence[Rung]", name: str, path: Path) -> Path:
     low, high = min(errors + bounds), max(errors)
     if high > LOGARITHMIC * low > 0.0:
         axis.set_yscale("log")
+        axis.yaxis.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0)))
         axis.yaxis.set_major_formatter(ticker.FormatStrFormatter("%g"))
         axis.yaxis.set_minor_formatter(ticker.NullFormatter())
         axis.set_ylim(0.75 * low, 1.4 * high)

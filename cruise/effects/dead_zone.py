@@ -2,8 +2,9 @@
 
     f(u) = sign(u) [ s ln(1 + exp((|u| - u_0) / s)) - s ln(1 + exp(-u_0 / s)) ],   s -> 0: sign(u) max(|u| - u_0, 0)
 
-u solenoid current in mA, u_0 threshold in mA, s width of its edge in mA: spools have notches that open gradually. Source: section IV.C and Fig. 4 of Coen et al. 2005 ("a dead zone visible
-for small and large currents"); proportional pump controls of this class start at about a third of full current.
+u solenoid current in mA, u_0 threshold in mA, s width of its edge in mA: spools have notches that open gradually.
+Source: section IV.C and Fig. 4 of Coen et al. 2005 ("a dead zone visible for small and large currents"); proportional
+pump controls of this class start at about a third of full current.
 """
 
 import math

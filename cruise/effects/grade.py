@@ -3,17 +3,19 @@
     phi = -(S_k - r A_(k-1)) (1 + s (m / m_0 - 1))
     S_k = S_(k-1) + l (g_n sin(alpha_k) - S_(k-1)),   V_k = V_(k-1) + l (v_k - V_(k-1)),   A_k = (V_k - V_(k-1)) / T
 
-alpha pitch in degrees (+ uphill) as the sensor shows it, g_n = 9.81 m/s2, v measured ground speed in m/s, of the samples
-before only, S and A slope and acceleration in m/s2 seen through the same low-pass, l = 1 - exp(-T / tau), r share of the
-acceleration that the sensor takes for slope, m mass in kg (m_0 where it is not measured), m_0 = 15000 kg, s share of the
-mass. Source: equations 2 and 9 and Table VI of Coen et al. 2005: F_G = m g sin(alpha).
+alpha pitch in degrees (+ uphill) as the sensor shows it, g_n = 9.81 m/s2, v measured ground speed in m/s, of the
+samples before only, S and A slope and acceleration in m/s2 seen through the same low-pass, l = 1 - exp(-T / tau), r
+share of the acceleration that the sensor takes for slope, m mass in kg (m_0 where it is not measured), m_0 = 15000
+kg, s share of the mass. Source: equations 2 and 9 and Table VI of Coen et al. 2005: F_G = m g sin(alpha).
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
 import numpy as np
+from scipy import signal
 
 from cruise.effects.effect import EMPTY_KG, GRAVITY_MPS2, About, Effect, Parameter, Stage, State, Value, clip, where
 from cruise.signals import OUTPUT, Signals
@@ -74,5 +76,25 @@ class Grade(Effect):
         speed_mps = where(speed_mps == speed_mps, speed_mps, measured_mps)
         followed_mps = speed_mps + share * (measured_mps - speed_mps)
         accel_mps2 = where(followed_mps == followed_mps, (followed_mps - speed_mps) / dt_s, 0.0 * seen_mps2)
+        phi = -pull_mps2 * (1.0 + self.mass_share * (mass_kg / EMPTY_KG - 1.0))
+        return phi, (slope_mps2, followed_mps, accel_mps2)
+
+    def over(
+        self, values: Value, past_speeds: np.ndarray, signals: Mapping[str, np.ndarray], dt_s: float
+    ) -> tuple[Value, State]:
+        """The whole recording by two filters, where it has no hole: the shape is looked for in long recordings."""
+        measured_mps = signals.get(OUTPUT)
+        pitch_deg = signals["pitch_deg"]
+        if measured_mps is None or not (np.isfinite(measured_mps).all() and np.isfinite(pitch_deg).all()):
+            return Effect.over(self, values, past_speeds, signals, dt_s)
+        rest = math.exp(-dt_s / max(self.filter_s, AT_ONCE_S))
+        seen_mps2 = GRAVITY_MPS2 * np.sin(np.radians(pitch_deg))
+        slope_mps2, _ = signal.lfilter([1.0 - rest], [1.0, -rest], seen_mps2, zi=[rest * seen_mps2[0]])
+        followed_mps, _ = signal.lfilter([1.0 - rest], [1.0, -rest], measured_mps, zi=[rest * measured_mps[0]])
+        accel_mps2 = np.diff(followed_mps, prepend=measured_mps[0]) / dt_s
+        mass_kg = np.asarray(signals.get("machine_mass_kg", EMPTY_KG), float)
+        mass_kg = np.where(np.isfinite(mass_kg), mass_kg, EMPTY_KG)
+        before_mps2 = np.concatenate([[0.0], accel_mps2[:-1]])
+        pull_mps2 = slope_mps2 - self.acceleration_share * before_mps2
         phi = -pull_mps2 * (1.0 + self.mass_share * (mass_kg / EMPTY_KG - 1.0))
         return phi, (slope_mps2, followed_mps, accel_mps2)

@@ -1,19 +1,17 @@
 """The drive's linear core in physical terms, and the discrete parameters that follow from it.
 
-    w(t) = [S(t) v](t - T_d),   S a lag of tau        T_v dy/dt = K g w + sum_m c_m phi_m + c_0 - y
+    w = S_2 S_1 v(t - T_d),   S_i lags of tau_i        T_v dy/dt = K g w + sum_m c_m phi_m + c_0 - y
 
-v drive signal f(u) in mA, T_d delay in s, tau lag of the actuator in s, T_v time constant of the vehicle in s (its
-inertia over the stiffness of the drive, viscous friction included), K gain in m/s per mA, c_m and c_0 what loads and
-rolling friction take, in m/s at rest. Over samples of T, which are means over one period,
+v drive signal f(u) in mA, T_d delay in s, tau_1 and tau_2 lags of servo and solenoid in s, T_v time constant of the
+vehicle in s (its inertia over the stiffness of the drive, viscous friction included), K gain in m/s per mA, c_m and c_0
+what loads and rolling friction take, in m/s at rest. Over samples of T, which are means over one period,
 
     y_k = a y_(k-1) + (1 - a) [ K g sum_j h_j v_(k-j) + sum_m c_m phi_m + c_0 ],   a = exp(-T / T_v)
-    h_j = [ G(t_(j+1)) - 2 G(t_j) + G(t_(j-1)) ] / T,   G(t) = t' - tau (1 - exp(-t' / tau)),  t' = max(t - T_d, 0)
+    h = d * s_1 * s_2,   d_n = 1 - f, d_(n+1) = f for T_d = (n + f) T,   s_i,j = (1 - q_i) q_i^j,  q_i = exp(-T / tau_i)
 
-A resonance of the drive train, where there is one, stands in series with the lag: v passes with the share 1 - s as it
-is and with the share s through omega^2 / (p^2 + 2 zeta omega p + omega^2), and h_j is convolved with its response.
-
-h_j is the share of the lagged and delayed drive that falls on sample j, means taken on both sides: sum h_j = 1,
-T sum j h_j = T_d + tau. Source: K. J. Astrom, B. Wittenmark, Computer-Controlled Systems, 3rd ed. 1997, section 2.3.
+sum h_j = 1. A resonance of the drive train, where there is one, stands in series with the lags: v passes with the share
+1 - r as it is and with the share r through omega^2 / (p^2 + 2 zeta omega p + omega^2), held over a period. Source:
+K. J. Astrom, B. Wittenmark, Computer-Controlled Systems, 3rd ed. 1997, section 2.3.
 """
 
 import math
@@ -22,6 +20,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from scipy import signal
 
 from cruise.effects import Effect
 from cruise.model.model import Model
@@ -37,6 +36,7 @@ class Core:
     delay_s: float
     lag_s: float
     time_constant_s: float
+    second_lag_s: float = 0.0
     resonance_share: float = 0.0
     resonance_hz: float = 1.0
     damping: float = 0.3
@@ -45,29 +45,46 @@ class Core:
         """a = exp(-T / T_v)."""
         return math.exp(-period_s / self.time_constant_s)
 
-    def response(self, period_s: float, count: int) -> np.ndarray:
-        """h_0 .. h_(count-1), shape (count,), without unit; what lies beyond the last is left out."""
-        after_s = np.maximum(np.arange(-1, count + 1) * period_s - self.delay_s, 0.0)
-        area_s = after_s + self.lag_s * np.expm1(-after_s / self.lag_s)
-        share = np.diff(area_s, 2) / period_s
+    def felt(self, drive_ma: np.ndarray, period_s: float) -> np.ndarray:
+        """w (N,) in mA: the drive signal (N,) as the vehicle feels it; before the first sample it was the same."""
+        whole, share = divmod(self.delay_s / period_s, 1.0)
+        held = np.concatenate([np.full(int(whole) + 1, drive_ma[0]), drive_ma])
+        count = len(drive_ma)
+        felt = (1.0 - share) * held[1 : count + 1] + share * held[:count]
+        for lag_s in (self.lag_s, self.second_lag_s):
+            if lag_s > 0.0:
+                rest = math.exp(-period_s / lag_s)
+                felt, _ = signal.lfilter([1.0 - rest], [1.0, -rest], felt, zi=[rest * felt[0]])
         if self.resonance_share == 0.0:
-            return share
-        ringing = self._ringing(period_s, count)
-        return (1.0 - self.resonance_share) * share + self.resonance_share * np.convolve(share, ringing)[:count]
+            return felt
+        numerator, denominator = self._resonance(period_s)
+        start = signal.lfilter_zi(numerator, denominator) * felt[0]
+        ringing, _ = signal.lfilter(numerator, denominator, felt, zi=start)
+        return (1.0 - self.resonance_share) * felt + self.resonance_share * ringing
 
-    def _ringing(self, period_s: float, count: int) -> np.ndarray:
-        """Response of the resonance to one sample of drive, held over a period: differences of its step response."""
+    def _resonance(self, period_s: float) -> tuple[list[float], list[float]]:
+        """The resonance as a discrete filter of a drive that is held over a period."""
         omega = 2.0 * math.pi * self.resonance_hz
         damped = omega * math.sqrt(1.0 - self.damping**2)
-        t_s = np.arange(count + 1) * period_s
-        swing = np.cos(damped * t_s) + self.damping * omega / damped * np.sin(damped * t_s)
-        return np.diff(1.0 - np.exp(-self.damping * omega * t_s) * swing)
+        shrink = math.exp(-self.damping * omega * period_s)
+        cosine, sine = math.cos(damped * period_s), math.sin(damped * period_s)
+        ratio = self.damping * omega / damped
+        a_1, a_2 = -2.0 * shrink * cosine, shrink * shrink
+        b_1 = 1.0 - shrink * (cosine + ratio * sine)
+        b_2 = shrink * shrink + shrink * (ratio * sine - cosine)
+        return [0.0, b_1, b_2], [1.0, a_1, a_2]
+
+    def response(self, period_s: float, count: int) -> np.ndarray:
+        """h_0 .. h_(count-1), shape (count,), without unit; what lies beyond the last is left out."""
+        pulse = np.zeros(count + 1)
+        pulse[1] = 1.0
+        return self.felt(pulse, period_s)[1:]
 
     @property
     def memory_s(self) -> float:
         """How far back the drive matters to what the vehicle feels now: all but TAIL of the response."""
         ringing_s = 1.0 / (2.0 * math.pi * self.resonance_hz * self.damping) if self.resonance_share else 0.0
-        return self.delay_s + max(self.lag_s, ringing_s) * math.log(1.0 / TAIL)
+        return self.delay_s + max(self.lag_s + self.second_lag_s, ringing_s) * math.log(1.0 / TAIL)
 
     def taps(self, period_s: float) -> tuple[int, np.ndarray]:
         """The delay in samples and the h_j from there on (nb,) that matter, scaled to a sum of 1."""

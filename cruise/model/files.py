@@ -5,6 +5,7 @@ the period. A model whose core was fitted in physical terms holds these too, und
 them, and a file in which they don't is refused. Learning on moves the parameters alone; what it gives has no `core`.
 """
 
+import dataclasses
 import difflib
 import math
 from pathlib import Path
@@ -48,13 +49,14 @@ class Provenance(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
 
 class PhysicalCore(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
-    """The core in physical terms (cruise.model.core), with what loads and rolling friction take at rest."""
+    """The core in physical terms, by the names of cruise.model.core, with what loads and rolling friction take."""
 
     gain_mps_per_ma: float
     delay_s: NotNegative
-    lag_s: Positive  # of the actuator
-    time_constant_s: Positive  # of the vehicle
-    resonance_share: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.0  # of the drive; 0: there is none
+    lag_s: Positive
+    time_constant_s: Positive
+    second_lag_s: NotNegative = 0.0  # 0: there is none
+    resonance_share: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.0  # 0: there is none
     resonance_hz: Positive = 1.0
     damping: Annotated[float, msgspec.Meta(gt=0, lt=1)] = 0.3
     loads_mps: dict[str, float] = {}  # by effect, per unit of its phi
@@ -90,8 +92,8 @@ class Step(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     horizon_s: Positive
     floor_at_least_mps: NotNegative | None = None  # no model errs by less; None: not known
     floor_at_most_mps: NotNegative | None = None  # reached by a flexible model of the same signals
-    recordings: tuple[str, ...]
-    samples: Annotated[int, msgspec.Meta(ge=0)]
+    recordings: Annotated[tuple[str, ...], msgspec.Meta(min_length=1)]
+    samples: Annotated[int, msgspec.Meta(ge=1)]
     made_on: str  # date, ISO 8601
     before: ModelFields | None = None
 
@@ -189,15 +191,7 @@ def _check_core(path: str | Path, core: PhysicalCore, model: Model) -> None:
     wrong = set(loads).symmetric_difference(core.loads_mps)
     if wrong:
         raise SettingsError(f"{path}: core.loads_mps: {', '.join(sorted(wrong))} missing or no load of this model")
-    physical = Core(
-        core.gain_mps_per_ma,
-        core.delay_s,
-        core.lag_s,
-        core.time_constant_s,
-        core.resonance_share,
-        core.resonance_hz,
-        core.damping,
-    )
+    physical = Core(**{field.name: getattr(core, field.name) for field in dataclasses.fields(Core)})
     at_rest_mps = [core.loads_mps[name] for name in loads]
     meant = discretised(physical, model.effects, at_rest_mps, core.offset_mps, model.period_s)
     remedy = "correct it, or delete the section core, which driving does without"

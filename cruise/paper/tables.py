@@ -113,7 +113,8 @@ def ready(
 ) -> Recording:
     """A recording of 20 Hz, its current transformed, then filtered, then at `rate_hz`; with `output` the speed as well.
 
-    The speed of a recording that is judged is only decimated.
+    The speed of a recording that is judged is only decimated. The decimation's filter has a gain of 0.989 at 0 Hz, on
+    current and speed alike.
     """
     drive, speed = recording.input, lagged(recording.output, 1)
     for effect in effects:

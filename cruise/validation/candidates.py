@@ -10,10 +10,10 @@ from typing import Final, Protocol
 import numpy as np
 
 from cruise.effects import EFFECTS, Effect, Parameter, Stage
-from cruise.effects.effect import GRAVITY_MPS2
 from cruise.recording import Recording
 from cruise.signals import INPUT, OUTPUT, SIGNALS
 from cruise.validation.explanation import CORE, Explanation
+from cruise.validation.slope import PITCH, SLOPE, pitch_share, slope_deg
 from cruise.validation.unnamed import (
     KNOTS,
     POWERS,
@@ -28,17 +28,16 @@ from cruise.validation.unnamed import (
 SHARES: Final = (0.12, 0.5)  # of the way from a shape's neutral value to its far bound
 WIDE: Final = 5.0  # ratio of the bounds from which that way is walked in ratios
 CHAIN: Final = tuple(EFFECTS)  # order in which the current meets the effects: that of the table
-SMOOTHING_S: Final = 1.0  # s over which speed and pitch are compared
 SAME: Final = 0.02  # relative spread of a signal below which it never moves
 CONSEQUENCES: Final[Mapping[str, float]] = {
     # Engine load and line pressure answer to the drive itself: given them, anything looks explained.
     "engine_load_pct": 0.85,
-    "line_pressure_bar": 0.85,
+    "line_pressure_bar": 0.35,  # the pressure holds every force there is, felt through the drive's own softness
     # Slip that is measured is there: nothing else makes wheel and ground speed differ.
     "wheel_speed_mps": 1.1,
 }
 """How much of its gain a candidate with this signal may keep when it is compared with others."""
-BLIND: Final[Mapping[str, float]] = {"engine_load_pct": 0.6, "line_pressure_bar": 0.5}
+BLIND: Final[Mapping[str, float]] = {"engine_load_pct": 0.6, "line_pressure_bar": 0.35}
 """The same for a dependence without physics on what the drive itself moves: it would read the answer off it."""
 FLEXIBLE: Final = 0.85  # the same for a dependence without physics: any curve fits better than the right one with noise
 
@@ -91,8 +90,14 @@ class EffectCandidate:
             return
         kind = EFFECTS[self.name]
         shapes = kind.parameters
+        core = explanation.core
+        if self.name == "rate_limit":  # the servo's lag moves into the limit, or there would be one lag more
+            known = {"lag_s": core.lag_s}
+            explanation = replace(explanation, core=replace(core, lag_s=CORE["lag_s"].low))
+        else:
+            known = dict(self.known)
         for share in SHARES if shapes and self.name != "gear_ratio" else SHARES[:1]:
-            shape = {name: _on_the_way(bound, share) for name, bound in shapes.items()} | dict(self.known)
+            shape = {name: _on_the_way(bound, share) for name, bound in shapes.items()} | known
             yield with_effect(explanation, kind() if self.name == "gear_ratio" else kind(**shape))
 
 
@@ -140,7 +145,7 @@ class UnnamedCandidate:
 
     @property
     def name(self) -> str:
-        return f"unnamed:{self.signal}"
+        return _unnamed(self.signal)
 
     def grown(self, explanation: Explanation) -> Iterator[Explanation]:
         """One start: no dependence."""
@@ -172,7 +177,7 @@ def candidates(recordings: Sequence[Recording], explanation: Explanation) -> tup
             found.append(ResonanceCandidate())
         else:
             credit = min((CONSEQUENCES.get(need, 1.0) for need in kind.needs if need != OUTPUT), default=1.0)
-            known = (("acceleration_share", acceleration_share(recordings)),) if name == "grade" else ()
+            known = (("acceleration_share", pitch_share(recordings)),) if name == "grade" else ()
             found.append(EffectCandidate(name, credit, known=known))
     return found, refused
 
@@ -185,10 +190,15 @@ def unnamed(recordings: Sequence[Recording], explanation: Explanation) -> list[U
             signal == SPEED or signal in one.columns for one in recordings
         ):
             continue
-        source = OUTPUT if signal == SPEED else signal
-        centre, half_width = range_of(np.concatenate([one.columns[source] for one in recordings]))
-        if half_width > 0.0 and f"unnamed:{signal}" not in explanation.names:
-            found.append(UnnamedCandidate(signal, centre, half_width, BLIND.get(signal, FLEXIBLE)))
+        if signal == PITCH:
+            share = pitch_share(recordings)
+            values = [slope_deg(one, share) for one in recordings]
+        else:
+            values = [one.columns[OUTPUT if signal == SPEED else signal] for one in recordings]
+        centre, half_width = range_of(np.concatenate(values))
+        if half_width > 0.0:
+            read = SLOPE if signal == PITCH else signal
+            found.append(UnnamedCandidate(read, centre, half_width, BLIND.get(signal, FLEXIBLE)))
     return found
 
 
@@ -207,28 +217,6 @@ def why_not(kind: type[Effect], recordings: Sequence[Recording]) -> str:
     return ""
 
 
-def acceleration_share(recordings: Sequence[Recording]) -> float:
-    """How far the pitch sensor takes acceleration for slope, 0..1: the regression of one on the other.
-
-    Found from these two signals alone: left to the fit of the speed, measured acceleration would explain anything.
-    """
-    products = squares = 0.0
-    for one in recordings:
-        window = max(round(SMOOTHING_S / one.dt_s), 1)
-        known = np.isfinite(one.output) & np.isfinite(one.columns["pitch_deg"])
-        speed, pitch = (np.where(known, values, 0.0) for values in (one.output, one.columns["pitch_deg"]))
-        if len(speed) <= 3 * window:
-            continue
-        accel = np.convolve((speed[window:] - speed[:-window]) / (window * one.dt_s), np.ones(1), "valid")
-        slope = GRAVITY_MPS2 * np.sin(np.radians(np.convolve(pitch, np.ones(window) / window, "valid")[1:]))
-        whole = np.convolve(known, np.ones(window + 1), "valid") > window + 0.5
-        accel, slope = accel[whole], slope[whole]
-        if len(accel):
-            products += float(accel @ (slope - slope.mean()))
-            squares += float(accel @ accel)
-    return min(max(products / squares, 0.0), 1.0) if squares > 0.0 else 0.0
-
-
 def with_effect(explanation: Explanation, effect: Effect) -> Explanation:
     """The explanation with one effect more, at its place in the chain, its load at zero."""
     return _with_effects(explanation, (*explanation.effects, effect))
@@ -244,8 +232,12 @@ def without(explanation: Explanation, name: str) -> Explanation:
 def owner(effect: Effect) -> str:
     """The candidate to which an effect belongs."""
     if isinstance(effect, UnnamedCurve | UnnamedDirection):
-        return f"unnamed:{INPUT}"
-    return f"unnamed:{effect.signal}" if isinstance(effect, UnnamedGain | UnnamedLoad) else effect.name
+        return _unnamed(INPUT)
+    return _unnamed(effect.signal) if isinstance(effect, UnnamedGain | UnnamedLoad) else effect.name
+
+
+def _unnamed(signal: str) -> str:
+    return f"unnamed:{PITCH if signal == SLOPE else signal}"
 
 
 def _with_effects(explanation: Explanation, effects: Sequence[Effect]) -> Explanation:

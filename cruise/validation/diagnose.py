@@ -1,4 +1,4 @@
-"""Which physical effect is missing: nothing, one or more of the table, something unlisted, or two that look alike.
+"""Which effect is missing: nothing, one or more of the table, something unlisted, or two that look alike.
 
 Every candidate is fitted jointly with the core and judged on held-out blocks, at least 3 s ahead. What counts is how far
 the error falls, against every other candidate, the curves without physics among them. Consequences of the drive (engine
@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from cruise.effects import EFFECTS
-from cruise.validation.candidates import Candidate, Refused, candidates, unnamed, without
+from cruise.validation.candidates import FLEXIBLE, Candidate, Refused, candidates, unnamed, without
 from cruise.validation.search import Judged, gain, sureness
 from cruise.validation.study import Study
 
@@ -22,11 +22,12 @@ SEED: Final = 20051  # of the bootstrap
 LEAST_GAIN: Final = 0.15  # of the present loss: errors that fall by less than 8 % are a little of everything
 LEAST_SHARE: Final = 0.03  # of the first loss, for every further effect
 SURE: Final = 1.6  # standard errors of a held-out gain that is large already; a few blocks may hold all of it
+DOUBTED: Final = 1.4  # times LEAST_GAIN, which a consequence of the drive must bring after what is taken off its gain
 KEEP: Final = 0.5  # of LEAST_GAIN: what an effect must still bring beside the others
 MOST_EFFECTS: Final = 4
 ALIKE: Final = 0.03  # log of the ratio of two losses below which no form of a model is exact enough to decide
-HALF_MARGIN: Final = 0.02  # margin at which a verdict is as often right as wrong
-STEEPNESS: Final = 1.5
+HALF_MARGIN: Final = 0.06  # margin at which a verdict is as often right as wrong
+STEEPNESS: Final = 1.3
 RIVALS: Final = 6  # alternatives for which an effect is exchanged once all are together
 UNNAMED: Final = "unnamed:"
 
@@ -143,6 +144,7 @@ def _forward(
     search, base = study.search, study.base
     present, steps, chosen = base, [], []
     refused: list[Refused] = []
+    credit: dict[str, float] = {}
     while len(chosen) < MOST_EFFECTS:
         possible, cannot = candidates(study.recordings, present.explanation)
         refused = refused or cannot
@@ -162,16 +164,20 @@ def _forward(
         tried.sort(key=lambda one: -one.counted)
         steps.append(Step(present, tuple(tried)))
         best = tried[0]
-        enough = best.gain >= LEAST_GAIN and best.sureness >= SURE
+        doubted = best.gain > 0.0 and best.counted < FLEXIBLE * best.gain
+        bar = DOUBTED * LEAST_GAIN if doubted else FLEXIBLE * LEAST_GAIN
+        enough = best.gain >= LEAST_GAIN and best.counted >= bar and best.sureness >= SURE
         if chosen:
             enough = enough and present.loss - best.judged.loss >= LEAST_SHARE * base.loss
         if not enough:
             break
         chosen.append(best.name)
+        credit[best.name] = next(one.credit for one in everyone if one.name == best.name)
         present = best.judged
         if best.name.startswith(UNNAMED):
             break
-        for name in chosen[:-1]:
+        newest = credit[chosen[-1]]
+        for name in [name for name in chosen[:-1] if credit[name] <= newest]:  # a consequence never drops a cause
             other = search.judged("", search.fitted(without(present.explanation, name)))
             if gain(other, present) < KEEP * LEAST_GAIN:
                 chosen.remove(name)

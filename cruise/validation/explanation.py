@@ -17,6 +17,7 @@ CORE: Final[Mapping[str, Parameter]] = {
     "gain_mps_per_ma": Parameter("m/s per mA", -1.0, 1.0, 0.0, "steady speed per mA of drive"),
     "delay_s": Parameter("s", 0.0, 2.0, 0.3, "dead time between current and drive"),
     "lag_s": Parameter("s", 0.02, LONGEST_LAG_S, 0.15, "lag of the actuator"),
+    "second_lag_s": Parameter("s", 0.005, LONGEST_LAG_S, 0.05, "second lag of the actuator"),
     "time_constant_s": Parameter("s", 0.03, 10.0, 0.6, "time constant of the vehicle"),
 }
 RESONANCE: Final[Mapping[str, Parameter]] = {

@@ -23,6 +23,7 @@ from cruise.validation.simulation import Scene
 STEP: Final = 1e-4  # of a parameter's range, for the differences
 TOLERANCE: Final = 1e-4  # relative change of cost and parameters at which a fit has ended
 MOST_STEPS: Final = 25
+RAN_AWAY_MPS: Final = 1e3  # m/s, an error beyond which no more is to be learned
 FAR: Final = 1e3  # bounds of coefficients, in units of their own scale
 
 
@@ -92,7 +93,7 @@ class Layout:
 def layout(start: Explanation, longest_delay_s: float, gain_scale: float, free: Callable[[str], bool]) -> Layout:
     """All numbers of `start` that are free: the core's, the offset, every load, the shapes that `free` lets go."""
     slots = [Slot("core", "gain_mps_per_ma", -FAR * gain_scale, FAR * gain_scale, gain_scale)]
-    for name in ("delay_s", "lag_s", "time_constant_s"):
+    for name in ("delay_s", "lag_s", "second_lag_s", "time_constant_s"):
         bound = CORE[name]
         high = longest_delay_s if name == "delay_s" else bound.high
         slots.append(Slot("core", name, bound.low, high, 0.3))
@@ -136,7 +137,7 @@ class Objective:
         return self.scene.errors([self.plan.explanation(vector) for vector in vectors])
 
     def residual(self, vector: np.ndarray) -> np.ndarray:
-        return np.nan_to_num(self.whiten(self.errors([vector]))[0], posinf=1e3, neginf=-1e3)
+        return _bounded(self.whiten(self.errors([vector]))[0])
 
     def jacobian(self, vector: np.ndarray) -> np.ndarray:
         return self.differences(vector)[1]
@@ -147,8 +148,13 @@ class Objective:
         size = STEP * self.plan.scale
         step = np.where(vector + size > high, -size, size)
         shifted = [vector] + [vector + np.eye(len(vector))[i] * step[i] for i in range(len(vector))]
-        errors = np.nan_to_num(self.whiten(self.errors(shifted)), posinf=1e3, neginf=-1e3)
+        errors = _bounded(self.whiten(self.errors(shifted)))
         return errors[0], ((errors[1:] - errors[0]) / step[:, None]).T
+
+
+def _bounded(errors: np.ndarray) -> np.ndarray:
+    """Errors of which sums of squares can be taken: nothing where nothing is judged, far where a run went away."""
+    return np.clip(np.nan_to_num(errors, posinf=RAN_AWAY_MPS, neginf=-RAN_AWAY_MPS), -RAN_AWAY_MPS, RAN_AWAY_MPS)
 
 
 def fit(scene: Scene, plan: Layout, whiten: Callable[[np.ndarray], np.ndarray], steps: int = MOST_STEPS) -> Fit:

@@ -7,12 +7,12 @@ user's own too.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Final
 
 import numpy as np
 
-from cruise.effects import EFFECTS, Custom, Stage
+from cruise.effects import Custom, Stage
 from cruise.identification.regressors import FitError
 from cruise.identification.structures import Structure
 from cruise.model import prediction
@@ -90,13 +90,9 @@ def add(study: Study, effect: str | Custom, show: Show = lambda text: None) -> A
     name = effect if isinstance(effect, str) else effect.name
     if name in base.explanation.names:
         raise FitError(f"the model has {name} already: name another effect, or take it out with cruise ladder --undo")
-    if isinstance(effect, Custom):
-        wanted: Candidate = term_candidate(effect, study.recordings)
-    else:
-        _check_effect(effect, study)
-        wanted = candidate(effect)
+    known = term_candidate(effect, study.recordings) if isinstance(effect, Custom) else _effect_candidate(effect, study)
     show(f"fitting with {name}")
-    after = search.judged(name, search.grown(base.explanation, wanted))
+    after = search.judged(name, search.grown(base.explanation, known))
     terms = [one for one in after.explanation.effects if isinstance(one, Custom)]
     undefined = [one.name for one in terms if not defined(one, study.recordings)]
     if undefined:
@@ -123,23 +119,13 @@ def floor(study: Study, native: Sequence[Recording], added: Added) -> NoiseFloor
     return noise_floor(native, study.recordings, predicted, horizon)
 
 
-def error_mps(study: Study) -> float:
-    """Held-out RMS of the study's model as it was begun."""
-    return study.search.ahead_rms_mps(study.base, study.horizon_s)
-
-
 def physical(explanation: Explanation) -> PhysicalCore:
     """The core as it stands in a model file."""
     core = explanation.core
+    own = {one.name: getattr(core, one.name) for one in fields(core) if getattr(core, one.name) != one.default}
     loads = (explanation.effects[i].name for i in explanation.at(Stage.LOAD))
     return PhysicalCore(
-        gain_mps_per_ma=core.gain_mps_per_ma,
-        delay_s=core.delay_s,
-        lag_s=core.lag_s,
-        time_constant_s=core.time_constant_s,
-        resonance_share=core.resonance_share,
-        resonance_hz=core.resonance_hz,
-        damping=core.damping,
+        **own,
         loads_mps=dict(zip(loads, explanation.loads, strict=True)),
         offset_mps=explanation.offset_mps,
         effects=tuple(sorted(explanation.structural)),
@@ -180,12 +166,13 @@ def parameters(study: Study, added: Added) -> list[Parameter]:
     return found
 
 
-def _check_effect(name: str, study: Study) -> None:
-    _, refused = candidates(study.recordings, study.base.explanation)
+def _effect_candidate(name: str, study: Study) -> Candidate:
+    """The effect as a candidate, with what the recordings tell of it. FitError where they can't speak of it."""
+    possible, refused = candidates(study.recordings, study.base.explanation)
     for one in refused:
         if one.effect == name:
             raise FitError(f"{name} can't be added: {one.reason}; record a drive in which it is measured and moves")
-    assert name in EFFECTS
+    return next(one for one in possible if one.name == name)
 
 
 def _ahead(study: Study, judged: Judged, horizon: int) -> np.ndarray:

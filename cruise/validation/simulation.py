@@ -9,16 +9,17 @@ is computed ahead of the recursion, once for all explanations that agree on it.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
-from scipy import signal
 
 from cruise.effects import Effect, Stage, over
 from cruise.model.core import Core
 from cruise.recording import Recording
 from cruise.signals import OUTPUT
 from cruise.validation.explanation import Explanation
+from cruise.validation.slope import PITCH, SLOPE, pitch_share, slope_deg
 
 WARM_UP_S: Final = 3.0  # s, the paper's horizon: what a prediction at least has to reach, unless told otherwise
 JUDGED_S: Final = 6.0  # s; longer costs more steps, shorter more starts
@@ -34,6 +35,19 @@ class Raw:
         edges = np.concatenate([[coarse.time_s[0] - coarse.dt_s], coarse.time_s]) + 0.01 * fine.dt_s
         self.edges = np.searchsorted(fine.time_s, edges)
         self.same = len(fine) == len(coarse)
+
+    def without_holes(self, drive_ma: np.ndarray, core: Core) -> np.ndarray:
+        """What arrives at the vehicle; NaN after a hole for as long as the core remembers it."""
+        known = np.isfinite(drive_ma)
+        if known.all():
+            return core.felt(drive_ma, self.dt_s)
+        if not known.any():
+            return np.full(len(drive_ma), np.nan)
+        last = np.maximum.accumulate(np.where(known, np.arange(len(drive_ma)), -1))
+        filled = np.where(last >= 0, drive_ma[np.maximum(last, 0)], drive_ma[np.argmax(known)])
+        hole = np.maximum.accumulate(np.where(known, -np.inf, np.arange(len(drive_ma), dtype=float)))
+        forgotten = np.arange(len(drive_ma)) - hole > core.memory_s / self.dt_s
+        return np.where(forgotten, core.felt(filled, self.dt_s), np.nan)
 
     def means(self, values: np.ndarray) -> np.ndarray:
         """Means (N,) of `values` over each period; NaN where one of them is."""
@@ -69,6 +83,8 @@ class Scene:
             name: np.concatenate([one.output if name == OUTPUT else one.columns[name] for one in recordings])
             for name in signals
         }
+        if PITCH in self.signals:
+            self.signals[SLOPE] = np.concatenate([slope_deg(one, pitch_share(recordings)) for one in recordings])
         ends = np.cumsum([len(one) for one in recordings])
         self.parts = [slice(int(end) - len(one), int(end)) for end, one in zip(ends, recordings, strict=True)]
         self._lay_out(horizon_s)
@@ -129,28 +145,34 @@ class Scene:
         return self._kept((key, "drive"), lambda: self._driven(key)), key
 
     def _driven(self, effects: Sequence[Effect]) -> np.ndarray:
-        parts = []
-        for raw in self.raw:
-            value, still = raw.current_ma, np.zeros(len(raw.current_ma))
-            for effect in effects:
-                value, _ = over(effect, value, still, {}, raw.dt_s)
-            parts.append(raw.means(np.asarray(value)))
+        parts = [raw.means(values) for raw, values in zip(self.raw, self._reshaped(effects), strict=True)]
         return np.concatenate(parts)
 
-    def felt(self, core: Core, drive: np.ndarray, key: Any) -> np.ndarray:
-        """w = h * f(u) (N,) in mA: what arrives at the vehicle."""
-        shape = (core.delay_s, core.lag_s, core.resonance_share, core.resonance_hz, core.damping)
+    def _reshaped(self, effects: Sequence[Effect]) -> list[np.ndarray]:
+        """f(u) of every recording at the rate of its measurement."""
+
+        def make() -> list[np.ndarray]:
+            parts = []
+            for raw in self.raw:
+                value, still = raw.current_ma, np.zeros(len(raw.current_ma))
+                for effect in effects:
+                    value, _ = over(effect, value, still, {}, raw.dt_s)
+                parts.append(np.asarray(value))
+            return parts
+
+        return self._kept((tuple(effects), "reshaped"), make)
+
+    def felt(self, core: Core, effects: Sequence[Effect]) -> np.ndarray:
+        """w (N,) in mA: means of what arrives at the vehicle, lagged and delayed at the rate of the measurement."""
+        shape = replace(core, gain_mps_per_ma=0.0, time_constant_s=1.0)
 
         def make() -> np.ndarray:
-            delay, share = core.taps(self.period_s)
-            taps = np.concatenate([np.zeros(delay), share])
-            result = np.empty(len(self))
-            for part in self.parts:
-                held = np.concatenate([np.full(len(taps) - 1, drive[part.start]), drive[part]])
-                result[part] = signal.convolve(held, taps, mode="valid", method="direct")
-            return result
+            parts = []
+            for raw, values in zip(self.raw, self._reshaped(effects), strict=True):
+                parts.append(raw.means(raw.without_holes(values, shape)))
+            return np.concatenate(parts)
 
-        return self._kept((shape, key, "felt"), make)
+        return self._kept((shape, tuple(effects), "felt"), make)
 
     # -- the recursion
 
@@ -164,8 +186,9 @@ class Scene:
         gained = np.empty_like(forced)  # K g w without the gains that read the speed
         paces: list[np.ndarray | None] = []
         for row, one in enumerate(batch):
-            drive, key = self.drive([one.effects[i] for i in chain if one.effects[i].stage is Stage.COMMAND])
-            felt = self.felt(one.core, drive, key)
+            command = [one.effects[i] for i in chain if one.effects[i].stage is Stage.COMMAND]
+            drive, key = self.drive(command)
+            felt = self.felt(one.core, command)
             pace = None
             for i in range(len(effects)):
                 effect = one.effects[i]

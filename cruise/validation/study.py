@@ -29,7 +29,7 @@ from cruise.validation.explanation import Explanation
 from cruise.validation.search import Judged, Search
 from cruise.validation.simulation import JUDGED_S, WARM_UP_S, Scene
 
-START: Final = Core(0.0, 0.3, 0.15, 0.6)  # a machine of this class; the gain comes from the recordings
+START: Final = Core(0.0, 0.3, 0.15, 0.6, 0.05)  # a machine of this class; the gain comes from the recordings
 SHORTEST_S: Final = 60.0  # s of data in which anything can be judged held-out
 
 Show = Callable[[str], None]

@@ -1,6 +1,8 @@
 """Dependences that no effect of the table describes: smooth functions of one recorded signal, as the catch-all.
 
-    gain  g = 1 + p_1 z + p_2 z^2 + p_3 z^3      load  phi_i = z^i      command  f(u) = u + sum_i p_i max(u - u_i, 0)
+    gain     g = 1 + p_1 z + p_2 z^2 + p_3 z^3
+    load     phi_i = z^i tanh(y / 0.1 m/s)
+    command  f(u) = u + sum_i p_i max(u - u_i, 0)
     z = clip((s - centre) / half width of the middle 96 %, -1.5, 1.5)
 
 They compete with the effects on the same data, as flexible as any curve that could be drawn, and without physics: where
@@ -14,10 +16,11 @@ from typing import Any, ClassVar, Final
 import numpy as np
 
 from cruise.effects import Effect, Parameter, Stage
-from cruise.effects.effect import About, State, Value, clip
+from cruise.effects.effect import About, State, Value, clip, tanh
 from cruise.signals import Signals
 
 POWERS: Final = (1, 2, 3)
+MOVING_MPS: Final = 0.1  # m/s, below which a load is taken to be held rather than felt
 FARTHEST: Final = 1.5  # half widths; beyond, a cubic says anything
 KNOTS: Final = 4
 DIRECTION_S: Final = 1.0  # s over which the current's direction is felt
@@ -87,10 +90,11 @@ class UnnamedGain(Unnamed):
 
 @dataclass(frozen=True)
 class UnnamedLoad(Unnamed):
-    """One power of a signal as a load of either sign."""
+    """One power of a signal as a load of either sign, felt while the machine moves."""
 
     stage = Stage.LOAD
     either_sign: ClassVar = True
+    reads_speed = True  # type: ignore[assignment]
 
     power: int = 1
 
@@ -99,8 +103,8 @@ class UnnamedLoad(Unnamed):
         return f"{self.signal}:load{self.power}"
 
     def step(self, value: Value, past_speed: Value, signals: Signals, state: State, dt_s: float) -> tuple[Value, State]:
-        """z to its power."""
-        return self.scaled(past_speed, signals) ** self.power, state
+        """z to its power, with the sign of the motion."""
+        return self.scaled(past_speed, signals) ** self.power * tanh(past_speed / MOVING_MPS), state
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from . import dart, driving, engaged, estimator, identification, learning, loop, opening, plant, recovery
+from . import dart, driving, engaged, estimator, identification, ladder, learning, loop, opening, plant, recovery
 from .figures import Part, show
 
 PAPER = 140  # characters, width of the tables in a file
@@ -24,6 +24,7 @@ PARTS: dict[str, Callable[[], Part]] = {
     "dart": dart.measure,  # measured drives
     "opening": opening.measure,  # an hour's recording, in every kind of file
     "recovery": recovery.measure,  # known systems come back
+    "ladder": ladder.measure,  # the demo before and after an effect was added
     "identification": identification.measure,  # fits against peers, every model on measured drives
 }
 

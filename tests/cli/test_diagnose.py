@@ -1,0 +1,301 @@
+"""`cruise diagnose` as a user meets it."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cruise import cli
+from cruise.cli import diagnose_evidence as evidence
+from cruise.cli import diagnose_picture, diagnose_words
+from cruise.cli.diagnose import report
+from cruise.cli.diagnose_curve import curve
+from cruise.cli.diagnose_evidence import Number
+from cruise.effects import EFFECTS
+from cruise.identification.structures import parse
+from cruise.recording import Recording, write_csv
+from cruise.signals import INPUT, OUTPUT
+from cruise.validation.diagnose import Diagnosis, Verdict, diagnose
+from cruise.validation.noise_floor import Bound, NoiseFloor
+from cruise.validation.study import study
+
+MODEL = "arx:na=1,nb=3,delay_s=0.5"
+DT_S, SECONDS = 0.1, 240.0
+DELAY_S, LAG_S, DRIVE_S, GAIN = 0.3, 0.2, 0.6, 2.5e-3
+PULL = 0.03  # m/s of steady speed per m/s2 of slope
+TRIED = ("coulomb_friction", "transport_delay")  # and grade, of those that could be
+FLOOR = NoiseFloor(Bound(0.01, 0.009, 0.011), 0.01, 1.0, 2.5, Bound(0.012, 0.011, 0.013), 1000)
+
+
+def drive(seed: int, pull: float, seconds: float = SECONDS) -> Recording:
+    """Random steps of current on slopes that rise and fall; one Euler step of 10 ms, by hand.
+
+    0.6 s dv/dt = 2.5e-3 w - pull 9.81 sin(pitch) - v,   0.2 s dw/dt = u(t - 0.3 s) - w
+    """
+    rng = np.random.default_rng(seed)
+    fine_s, count = 0.01, round(seconds / DT_S)
+    time_s = DT_S * np.arange(1, count + 1)
+    levels = np.repeat(rng.uniform(300.0, 900.0, count), rng.integers(15, 60, count))[:count]
+    pitch = 5.0 * np.sin(2.0 * np.pi * time_s / 47.0) * np.sin(2.0 * np.pi * time_s / 31.0 + seed)
+    u, slope = (np.repeat(one, round(DT_S / fine_s)) for one in (levels, 9.81 * np.sin(np.radians(pitch))))
+    late = np.concatenate([np.full(round(DELAY_S / fine_s), u[0]), u])[: len(u)]
+    speed, w, v = np.empty(len(u)), u[0], GAIN * u[0]
+    for k in range(len(u)):
+        w += fine_s / LAG_S * (late[k] - w)
+        v += fine_s / DRIVE_S * (GAIN * w - pull * slope[k] - v)
+        speed[k] = v
+    columns = {
+        INPUT: levels,
+        OUTPUT: speed[round(DT_S / fine_s) - 1 :: round(DT_S / fine_s)] + 0.01 * rng.standard_normal(count),
+        "pitch_deg": pitch + 0.1 * rng.standard_normal(count),
+        "engine_speed_rpm": np.full(count, 2100.0),
+    }
+    return Recording(time_s, columns, DT_S, "drive.csv")
+
+
+def found_in(recording: Recording, model: str = MODEL) -> Diagnosis:
+    return diagnose(study([recording], parse(model), None, 0.2))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def few():
+    """Fewer effects are tried, for speed; those that lack a signal cost nothing."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name in [name for name, kind in EFFECTS.items() if not kind.needs and name not in TRIED]:
+            patch.delitem(EFFECTS, name)
+        yield
+
+
+@pytest.fixture(scope="module")
+def hills() -> Diagnosis:
+    """What is found where grade is hidden."""
+    return found_in(drive(1, PULL))
+
+
+@pytest.fixture(scope="module")
+def flat() -> Diagnosis:
+    """What is found where nothing is."""
+    return found_in(drive(2, 0.0))
+
+
+def said(capsys: pytest.CaptureFixture[str], found: Diagnosis, *options: str) -> str:
+    diagnose_words.say(found, MODEL, ["drive.csv"], options, "p.png")
+    out = capsys.readouterr().out
+    assert max(map(len, (line for line in out.splitlines() if "cruise add" not in line))) <= 80
+    assert "nan" not in out
+    return " ".join(out.split())
+
+
+def test_the_verb_prints_the_object_of_the_design_and_nothing_else(verb, tmp_path):
+    write_csv(drive(1, PULL), tmp_path / "drive.csv")
+    assert "diagnose" in cli.VERBS
+    code, out, err = verb("diagnose", "drive.csv", "--model", MODEL, "--json", "--picture", "p.svg")
+    assert (code, err) == (0, "")
+    found = json.loads(out, parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
+    design = ["verdict", "effects", "signals", "ranking", "look_alikes", "next_experiment"]
+    assert list(found)[:6] == design
+    assert (found["verdict"], found["effects"], found["signals"]) == ("missing", ["grade"], [])
+    first = found["ranking"][0]
+    assert set(first) == {"effect", "error_before_mps", "error_after_mps", "confidence"}
+    assert first["effect"] == "grade"
+    assert first["error_after_mps"] < 0.8 * first["error_before_mps"]
+    assert 0.0 < first["confidence"] < 1.0
+    assert (found["error_before_mps"], found["error_after_mps"]) == (
+        first["error_before_mps"],
+        first["error_after_mps"],
+    )
+    load = next(one for one in found["parameters"]["grade"] if one["name"] == "load")
+    assert abs(load["value"] - PULL) < 4.0 * load["standard_error"] < PULL
+    assert load["plausible"]
+    delay = next(one for one in found["moved"] if one["name"] == "delay_s")
+    assert (delay["of"], delay["unit"]) == ("core", "s")
+    assert delay["after"] == pytest.approx(DELAY_S, abs=0.15)
+    assert [one["added"] for one in found["steps"]] == [["grade"]]
+    refused = {one["effect"]: one["reason"] for one in found["refused"]}
+    assert "never moves" in refused["engine_speed"]
+    assert "is not recorded" in refused["gear_ratio"]
+    assert (found["picture"], found["seed"]) == ("p.svg", 20051)
+    assert (tmp_path / "p.svg").read_text().startswith("<?xml")
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_verdict_comes_first_and_everything_that_follows_from_it(hills, capsys):
+    out = said(capsys, hills, "--period", "0.2")
+    first = hills.ranking[0]
+    before, after = (diagnose_words.figure(value) for value in (first.error_before_mps, first.error_after_mps))
+    assert out.startswith(
+        f"`grade` is missing: with it the error 3 s ahead falls from {before} to {after} m/s on data that the "
+        f"fit has not seen (confidence {diagnose_words.confidence(hills.confidence)})."
+    )
+    for words in (
+        "a part of the machine's weight pulls along the ground",
+        "phi = -(9.81 m/s2",
+        "m/s per phi above 0 plausible",
+        "what moved in the rest of the model",
+        "each effect alone beside the model, 3 s ahead, held out",
+        "any curve of",
+        "`grade` or `rolling_resistance`: not ruled out, machine_mass_kg is not recorded",
+        "`grade` or `leakage`: not ruled out, line_pressure_bar is not recorded",
+        "constant current over a hill",
+        "`engine_speed`: engine_speed_rpm never moves: it stays at 2100 rpm - not excited, not absent",
+        "`gear_ratio`: gear is not recorded - it can't be blamed",
+        f"cruise add grade --model {MODEL} drive.csv --period 0.2 -o better.yaml",
+        "picture: p.png",
+    ):
+        assert words in out
+
+
+def test_where_nothing_is_missing_it_says_what_could_have_hidden(flat, capsys):
+    out = said(capsys, flat)
+    assert out.startswith("Nothing is missing: no effect that these recordings can speak of lowers the error 3 s ahead")
+    before = flat.ranking[0].error_before_mps
+    assert (
+        f"ahead by less than {diagnose_words.figure(np.sqrt(0.15) * before)} m/s RMS would not have been named" in out
+    )
+    assert "at its best fit moves it by" in out
+    assert "cruise add" not in out
+    assert json.loads(json.dumps(report(flat, MODEL, MODEL), allow_nan=False))["effects"] == []
+
+
+def unlisted(found: Diagnosis) -> Diagnosis:
+    curve_fit = next(one.judged for one in found.steps[0].tried if one.name == "unnamed:pitch_deg")
+    return replace(
+        found, verdict=Verdict.UNLISTED, effects=(), signals=("pitch_deg",), final=curve_fit, steps=found.steps[:1]
+    )
+
+
+def ambiguous(found: Diagnosis) -> Diagnosis:
+    pair = ("grade", "coulomb_friction")
+    return replace(found, verdict=Verdict.AMBIGUOUS, effects=pair, look_alikes=(pair,))
+
+
+def test_what_is_not_in_the_table_is_named_by_its_signal_and_its_curve(hills, capsys):
+    found = unlisted(hills)
+    out = said(capsys, found)
+    assert out.startswith("Something is missing that is none of the effects that cruise knows: a free curve of `pitch_")
+    assert "the best effect, `grade`, leaves" in out
+    assert "what depends on pitch_deg" in out
+    assert "cruise add" not in out
+    (dependence,) = report(found, MODEL, MODEL)["dependence"]
+    slope = np.polyfit(dependence["values"], dependence["curve"], 1)[0]
+    assert slope == pytest.approx(-PULL * 9.81 * np.pi / 180.0, rel=0.25)
+
+
+def test_what_can_not_be_told_apart_comes_with_every_experiment(hills, capsys):
+    out = said(capsys, ambiguous(hills))
+    assert out.startswith("`grade` or `coulomb_friction` is missing, and these recordings can't tell which")
+    assert "`grade` or `coulomb_friction`: can't be told apart" in out
+    assert out.count("can't be told apart") == 1
+    experiments = out[out.index("next experiment") :]
+    assert "`grade`: constant current over a hill" in experiments
+    assert "`coulomb_friction`: " in experiments
+    assert "cruise add" not in out
+
+
+def test_several_effects_are_added_one_after_the_other(hills, capsys):
+    first, second = [one for one in hills.steps[0].tried if not one.name.startswith("unnamed:")][:2]
+    steps = (hills.steps[0], type(hills.steps[0])(first.judged, (second, first)))
+    found = replace(hills, effects=(first.name, second.name), steps=steps, final=second.judged)
+    out = said(capsys, found)
+    assert out.startswith(f"`{first.name}` and `{second.name}` are missing: with them the error")
+    assert "how the error 3 s ahead fell, held out" in out
+    assert f"+ {second.name}" in out
+    assert f"--model {MODEL} drive.csv -o better.yaml" in out
+    assert f"cruise add {second.name} --model better.yaml drive.csv -o better_2.yaml" in out
+
+
+def test_the_curve_of_an_effect_is_its_own_code_with_its_uncertainty(hills):
+    drawn = curve(hills.study, hills.base, hills.final, "grade")
+    assert (drawn.x_name, drawn.x_unit) == ("pitch_deg", "deg")
+    load = next(one for one in evidence.numbers(hills.study, hills.final) if one.name == "load")
+    wanted = -load.value * 9.81 * np.sin(np.radians(drawn.x))
+    assert drawn.y == pytest.approx(wanted, abs=1e-9)
+    assert drawn.std is not None
+    assert drawn.std[-1] == pytest.approx(load.std * 9.81 * np.sin(np.radians(drawn.x[-1])), rel=1e-3)
+    delayed = next(one.judged for one in hills.steps[0].tried if one.name == "transport_delay")
+    response = curve(hills.study, hills.base, delayed, "transport_delay")
+    low, high = np.nanquantile(hills.study.search.scene.current_ma, (0.25, 0.75))
+    assert response.y[-1] - response.y[0] == pytest.approx(GAIN * (high - low), rel=0.02)
+    assert np.ptp(response.y[response.x < 0.0]) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_residual_follows_the_signature_before_and_not_after(hills):
+    (one,) = evidence.rungs(hills)
+    assert (one.added, one.dropped) == (("grade",), ())
+    known = np.isfinite(one.before.error_mps)
+    before, after = one.before.error_mps[known], one.after.error_mps[known]
+    x = before - after
+    for error, slope in ((before, 1.0), (after, 0.0)):
+        middles, ten, median, ninety = diagnose_picture.binned(x, error)
+        assert np.polyfit(middles, median, 1)[0] == pytest.approx(slope, abs=0.15)
+        assert np.all(ten < median)
+        assert np.all(median < ninety)
+
+
+def test_the_telling_minute_is_that_in_which_the_error_falls_most(hills):
+    number, stretch = diagnose_picture.telling_stretch(hills, hills.final)
+    assert (number, stretch.stop - stretch.start) == (0, 300)
+    fallen = np.nan_to_num(hills.base.error_mps**2 - hills.final.error_mps**2)
+    sums = [fallen[i : i + 300].sum() for i in range(len(fallen) - 299)]
+    assert fallen[stretch].sum() == pytest.approx(max(sums))
+
+
+@pytest.mark.parametrize("which", ["missing", "nothing", "unlisted", "ambiguous"])
+def test_every_verdict_has_its_picture(hills, flat, tmp_path, which):
+    found = {"missing": hills, "nothing": flat, "unlisted": unlisted(hills), "ambiguous": ambiguous(hills)}[which]
+    path = diagnose_picture.draw(found, FLOOR, tmp_path / "p.png")
+    width, height = (int.from_bytes(path.read_bytes()[at : at + 4], "big") for at in (16, 20))
+    assert width == 1430
+    assert height > (1700 if which == "ambiguous" else 1300)
+
+
+def number(value: float, std: float = 0.01, low: float = 0.0, high: float = 1.0, neutral: float = 0.5) -> Number:
+    return Number("grade", "share", "-", value, std, low, high, neutral, "")
+
+
+def test_a_number_is_plausible_strictly_between_its_bounds():
+    assert [number(value).plausible for value in (0.0, 0.2, 1.0)] == [False, True, False]
+    assert number(0.0, neutral=0.0).remark == "no sign of it"
+    assert number(0.0, neutral=0.0).plausible
+    assert number(0.3, std=0.7).remark == "not told by the data"
+    assert number(0.3, std=0.0).remark == "not told by the data"
+    assert number(1.0).remark == "at its bound"
+    free, pushing = number(-0.1, low=-np.inf, high=np.inf, neutral=np.nan), number(0.0, high=np.inf, neutral=np.nan)
+    assert (free.plausible, pushing.plausible) == (True, False)
+
+
+def test_figures_have_three_digits():
+    values = {0.0068: "0.00680", 161.2: "161", 12345.6: "12346", np.nan: "-", np.inf: "-", 5.514e-6: "5.51e-06"}
+    assert [diagnose_words.figure(value) for value in values] == list(values.values())
+    assert [diagnose_words.confidence(value) for value in (0.999, 0.5, 1e-9)] == ["> 0.99", "0.50", "< 0.01"]
+
+
+MISTAKES = {
+    "none.csv --model arx1": "none.csv: no such file",
+    "short.csv --model arx1": "s of the recordings can be judged, too little",
+    "still.csv --model arx1": "the current never changes",
+    "short.csv --model arx10b": "did you mean arx10B?",
+    "short.csv --model narx1": "NARX",
+    "short.csv --model arx:na=1,nb=0,delay_s=0": "a model without the current",
+    "short.csv --model arx1 --horizon 0": "--horizon 0: give a time",
+    "short.csv --model arx1 --period -1": "--period -1: give a time",
+    "short.csv --model arx1 --picture p.txt": "--picture p.txt: let the name end in .png",
+    "short.csv --model arx1 --output nothing": "nothing",
+}
+
+
+@pytest.mark.parametrize("words", MISTAKES)
+def test_a_mistake_gets_one_clear_line(verb, tmp_path, words):
+    short = drive(1, 0.0, seconds=20.0)
+    write_csv(short, tmp_path / "short.csv")
+    long = drive(1, 0.0, seconds=120.0)
+    still = {**long.columns, INPUT: np.full(len(long), 512.0)}
+    write_csv(Recording(long.time_s, still, DT_S, "still"), tmp_path / "still.csv")
+    code, out, err = verb("diagnose", *words.split())
+    assert (code, out) == (2, "")
+    assert MISTAKES[words] in err
+    assert err.startswith("cruise: ")
+    assert len(err.splitlines()) == 1
+    assert not Path("out/diagnose.png").exists()

@@ -1,0 +1,222 @@
+"""What is judged has not been seen, gains count what the losses say, and sureness what the blocks of time agree on."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cruise.effects.coulomb_friction import CoulombFriction
+from cruise.effects.dead_zone import DeadZone
+from cruise.model import prediction
+from cruise.model.core import Core
+from cruise.recording import Recording
+from cruise.signals import OUTPUT
+from cruise.validation.candidates import EffectCandidate, UnnamedCandidate, with_effect
+from cruise.validation.disturbance import Disturbance
+from cruise.validation.explanation import Explanation
+from cruise.validation.fitting import fit
+from cruise.validation.search import BLOCK_S, FOLDS, Judged, Search, gain, sureness
+from cruise.validation.simulation import Scene
+from tests.validation.driving import GAIN, OFFSET_MPS, drive, wander
+
+START = Explanation(Core(GAIN, 0.35, 0.15, 0.6, 0.05), (), (), OFFSET_MPS)
+
+
+def search_of(*recordings: Recording, horizon_s: float = 3.0) -> Search:
+    scene = Scene(recordings, sorted({*recordings[0].columns, OUTPUT}), None, horizon_s)
+    return Search(scene, 1.0, GAIN / 3.0, frozenset())
+
+
+def recorded(seconds: float = 240.0, seed: int = 1, **hidden) -> Recording:
+    samples = round(seconds / 0.2)
+    columns = {"useless": wander(samples, 0.2, 300 + seed, 1.0, 3.0)}
+    return drive(seconds, seed, 0.2, 0.03, columns=columns, **hidden)
+
+
+def hand_made(raw, white=None, weight=None) -> Judged:
+    raw = np.asarray(raw, float)
+    white = raw if white is None else np.asarray(white, float)
+    weight = np.ones(len(raw)) if weight is None else np.asarray(weight, float)
+    found = search_of(recorded(40.0)).fitted(START, steps=1)
+    return Judged("", found, (), np.zeros(0), raw, white, weight)
+
+
+# -- gain and sureness
+
+
+def test_a_loss_is_the_mean_over_samples_not_over_blocks():
+    one = hand_made([1.0, 4.0], [2.0, 5.0], [3.0, 1.0])
+    assert one.loss == pytest.approx((3.0 + 4.0) / 4.0)
+    assert one.white_loss == pytest.approx((6.0 + 5.0) / 4.0)
+
+
+def test_a_gain_counts_raw_and_whitened_errors_alike():
+    before = hand_made([1.0, 1.0, 4.0], [2.0, 2.0, 2.0])
+    after = hand_made([0.25, 0.25, 1.0], [1.0, 1.0, 1.0])
+    assert gain(before, after) == pytest.approx(1.0 - np.sqrt(0.25 * 0.5))
+    assert gain(before, before) == pytest.approx(0.0)
+    assert gain(after, before) == pytest.approx(1.0 - np.sqrt(8.0))
+
+
+def test_what_all_blocks_say_is_sure_and_what_one_says_is_not():
+    rng = np.random.default_rng(1)
+    before = 1.0 + 0.1 * rng.standard_normal(12)
+    everywhere = before * (0.8 + 0.02 * rng.standard_normal(12))
+    in_one = before.copy()
+    in_one[0] = 12.0
+    cured = in_one.copy()
+    cured[0] = 12.0 * 0.6
+    sure = sureness(hand_made(before), hand_made(everywhere), np.random.default_rng(2))
+    unsure = sureness(hand_made(in_one), hand_made(cured), np.random.default_rng(2))
+    assert gain(hand_made(in_one), hand_made(cured)) > gain(hand_made(before), hand_made(everywhere))
+    assert sure > 15.0
+    assert 0.5 < unsure < 2.5
+    assert sureness(hand_made(everywhere), hand_made(before), np.random.default_rng(2)) < -15.0
+    assert sureness(hand_made(before), hand_made(before), np.random.default_rng(2)) == 0.0
+
+
+def test_sureness_is_the_standard_error_of_the_mean_log_ratio():
+    rng = np.random.default_rng(3)
+    ratios = np.exp(-0.1 + 0.15 * rng.standard_normal(60))
+    expected = -np.mean(np.log(ratios)) / (np.std(np.log(ratios)) / np.sqrt(60))
+    found = sureness(hand_made(np.ones(60)), hand_made(ratios), np.random.default_rng(4))
+    assert found == pytest.approx(expected, rel=0.25)
+
+
+def test_sureness_weighs_blocks_by_their_samples():
+    before = hand_made(np.ones(12), weight=[1e-9] * 6 + [50.0] * 6)
+    after = hand_made([3.0] * 6 + [0.7, 0.8, 0.7, 0.8, 0.7, 0.8], weight=[1e-9] * 6 + [50.0] * 6)
+    assert sureness(before, after, np.random.default_rng(5)) > 5.0
+
+
+# -- held out
+
+
+def test_blocks_are_twenty_seconds_and_end_with_their_recording():
+    search = search_of(recorded(130.0), recorded(50.0, 2), recorded(12.0, 3))
+    sizes = np.bincount(search.blocks)
+    assert len(sizes) == round(130.0 / BLOCK_S) + round(50.0 / BLOCK_S) + 1
+    assert np.all(np.diff(search.blocks) >= 0)
+    first = {int(search.blocks[part.start]) for part in search.scene.parts}
+    last = {int(search.blocks[part.stop - 1]) + 1 for part in search.scene.parts}
+    assert first == {0, *last} - {len(sizes)}
+    assert sizes.max() * 0.2 <= 1.5 * BLOCK_S
+
+
+def test_every_fold_has_the_numbers_that_a_fit_without_it_finds():
+    search = search_of(recorded(240.0, command=lambda u: np.maximum(u - 300.0, 0.0)))
+    found = search.fitted(with_effect(START, DeadZone(250.0)))
+    judged = search.judged("dead_zone", found)
+    names = [slot.name for slot in found.layout.slots]
+    told = [names.index(name) for name in ("gain_mps_per_ma", "time_constant_s", "offset_mps", "threshold_ma")]
+    plan = replace(found.layout, start=found.explanation)
+    moved = np.zeros((FOLDS, len(told)))
+    missed = np.zeros((FOLDS, len(told)))
+    for fold in range(FOLDS):
+        held = search.blocks % FOLDS == fold
+        exact = fit(search.scene, plan, lambda errors, held=held: np.where(held, np.nan, errors), 40)
+        moved[fold] = (exact.vector - found.vector)[told]
+        missed[fold] = (judged.folds[fold] - exact.vector)[told]
+    assert np.all(np.std(moved, axis=0) > 0.0)
+    assert np.all(np.sqrt(np.mean(missed**2, axis=0)) < 0.35 * np.sqrt(np.mean(moved**2, axis=0)))
+
+
+def test_every_sample_is_judged_by_the_fold_that_has_not_seen_it():
+    search = search_of(recorded(160.0))
+    found = search.fitted(START)
+    judged = search.judged("", found)
+    for fold, vector in enumerate(judged.folds):
+        held = search.blocks % FOLDS == fold
+        (errors,) = search.scene.errors([found.layout.explanation(vector)])
+        np.testing.assert_allclose(judged.error_mps[held], errors[held])
+    known = np.isfinite(judged.error_mps)
+    np.testing.assert_array_equal(known, search.scene.judged)
+    assert judged.loss == pytest.approx(np.mean(judged.error_mps[known] ** 2))
+    assert judged.white_loss == pytest.approx(judged.loss)
+    assert judged.loss > found.cost
+    low, high = found.layout.bounds
+    assert all(np.all((low <= vector) & (vector <= high)) for vector in judged.folds)
+
+
+def test_the_loss_is_of_what_is_whitened_where_a_disturbance_is_known():
+    search = search_of(recorded(160.0))
+    found = search.fitted(START)
+    search.disturbance = Disturbance((0.5,), search.starts)
+    judged = search.judged("", found)
+    objective = search.scene.errors([found.layout.explanation(vector) for vector in judged.folds])
+    by_hand = objective[:, 1:] - 0.5 * objective[:, :-1]
+    mine = by_hand[search.blocks[1:] % FOLDS, np.arange(len(search.blocks) - 1)]
+    known = np.isfinite(mine)
+    assert judged.white_loss == pytest.approx(np.mean(mine[known] ** 2), rel=0.01)
+    assert judged.loss == pytest.approx(np.nanmean(judged.error_mps**2))
+
+
+def test_useless_numbers_fit_better_and_hold_out_no_better():
+    """Four further coefficients on a signal that has nothing to do with the speed, on five recordings."""
+    gains, costs = [], []
+    for seed in range(5):
+        search = search_of(recorded(160.0, seed))
+        base = search.fitted(START)
+        grown = search.grown(base.explanation, UnnamedCandidate("useless", 0.0, 2.0))
+        costs.append(grown.cost / base.cost)
+        gains.append(gain(search.judged("", base), search.judged("useless", grown)))
+    assert np.mean(costs) < 1.0 - 0.003
+    assert np.mean(gains) < 0.0
+    assert max(gains) < 0.02
+
+
+def test_what_is_there_is_a_sure_gain():
+    search = search_of(recorded(160.0, command=lambda u: np.maximum(u - 350.0, 0.0)))
+    base = search.fitted(START)
+    grown = search.grown(base.explanation, EffectCandidate("dead_zone"))
+    before, after = search.judged("", base), search.judged("dead_zone", grown)
+    assert gain(before, after) > 0.5
+    assert sureness(before, after, np.random.default_rng(1)) > 4.0
+    assert after.candidate == "dead_zone"
+    assert after.explanation.names == ("dead_zone",)
+
+
+def test_of_several_starts_the_one_that_leads_deepest_is_kept():
+    search = search_of(recorded(160.0, command=lambda u: np.maximum(u - 450.0, 0.0)))
+    base = search.fitted(START)
+    grown = search.grown(base.explanation, EffectCandidate("dead_zone"))
+    each = [search.fitted(option) for option in EffectCandidate("dead_zone").grown(base.explanation)]
+    assert grown.cost <= 1.02 * min(one.cost for one in each)
+    assert max(one.cost for one in each) > 1.3 * grown.cost
+
+
+# -- the discrete model
+
+
+def test_the_error_ahead_is_that_of_the_discrete_models_of_the_folds():
+    one, other = recorded(160.0), recorded(60.0, 2)
+    search = search_of(one, other)
+    judged = search.judged("", search.fitted(with_effect(START, CoulombFriction(0.3))))
+    squares = []
+    for fold, vector in enumerate(judged.folds):
+        model = judged.fit.layout.explanation(vector).model(0.2)
+        for part, each in zip(search.scene.parts, (one, other), strict=True):
+            error = each.output - prediction.ahead(model, each.input, each.output, each.columns, 10)
+            squares.append(error[(search.blocks[part] % FOLDS == fold) & np.isfinite(error)] ** 2)
+    assert search.ahead_rms_mps(judged, 2.0) == pytest.approx(np.sqrt(np.mean(np.concatenate(squares))))
+    assert len(search.ahead_errors(judged.explanation, 10)) == pytest.approx(len(one) + len(other), abs=60)
+
+
+# -- what nobody recorded
+
+
+def test_the_disturbance_is_learned_from_what_no_candidate_explains():
+    """Half of the residual is a dead zone's: it must not be learned as if it were the soil's."""
+    soil = wander(1200, 0.2, 8, 0.05, 0.3)
+    whole = drive(240.0, 2, 0.2, 0.005, load_mps=soil, columns={"useless": soil[::-1]})
+    lacking = drive(240.0, 2, 0.2, 0.005, lambda u: np.maximum(u - 400.0, 0.0), load_mps=soil)
+    learned = {}
+    for name, one, others in (("whole", whole, ()), ("without", lacking, ()), ("with", lacking, ("dead_zone",))):
+        search = search_of(one)
+        base = search.fitted(START)
+        search.learn_disturbance(base, [search.grown(base.explanation, EffectCandidate(other)) for other in others])
+        learned[name] = np.array(search.disturbance.coefficients)
+        assert search.disturbance.starts == (0,)
+    assert np.linalg.norm(learned["with"] - learned["whole"]) < 0.4 * np.linalg.norm(
+        learned["without"] - learned["whole"]
+    )

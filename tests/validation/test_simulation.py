@@ -1,0 +1,322 @@
+"""The scene: segments tile what is recorded, hold what they promise, and simulate what the discrete model predicts."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cruise.effects import Effect
+from cruise.effects.active_braking import ActiveBraking
+from cruise.effects.coulomb_friction import CoulombFriction
+from cruise.effects.crop_load import CropLoad
+from cruise.effects.dead_zone import DeadZone
+from cruise.effects.engine_speed import EngineSpeed
+from cruise.effects.gear_ratio import GearRatio
+from cruise.effects.grade import Grade
+from cruise.effects.hysteresis import Hysteresis
+from cruise.effects.power_limit import PowerLimit
+from cruise.effects.rate_limit import RateLimit
+from cruise.effects.sensor_bias import SensorBias
+from cruise.effects.speed_droop import SpeedDroop
+from cruise.effects.wheel_slip import WheelSlip
+from cruise.model import prediction
+from cruise.model.core import TAIL, Core
+from cruise.model.model import Model
+from cruise.recording import Recording, resample
+from cruise.signals import INPUT, OUTPUT
+from cruise.validation.explanation import Explanation
+from cruise.validation.simulation import JUDGED_S, WARM_UP_S, Scene
+from tests.validation.driving import drive, wander
+
+PERIOD_S = 0.2
+AHEAD, EACH = round(WARM_UP_S / PERIOD_S), round(JUDGED_S / PERIOD_S)
+CORE = Core(2.5e-3, 0.33, 0.15, 0.6, second_lag_s=0.05)
+LONG = 60  # taps that leave nothing out
+COMPARED = (AHEAD, AHEAD + 1, AHEAD + 2, 25, 35, AHEAD + EACH - 1)  # samples ahead; all of them take long
+
+
+def context(samples: int, dt_s: float, seed: int) -> dict[str, np.ndarray]:
+    """Signals of every kind that effects ask for."""
+    gear = np.where(np.arange(samples) * dt_s // 37.0 % 2 == 0, 2.0, 3.0)
+    return {
+        "pitch_deg": wander(samples, dt_s, seed + 1, 2.5, 4.0),
+        "engine_speed_rpm": 2050.0 + wander(samples, dt_s, seed + 2, 60.0, 3.0),
+        "gear": gear,
+        "engine_load_pct": 60.0 + wander(samples, dt_s, seed + 3, 15.0, 3.0),
+        "wheel_speed_mps": 1.5 + wander(samples, dt_s, seed + 4, 0.4, 3.0),
+        "machine_mass_kg": 15000.0 + 20.0 * dt_s * np.arange(samples),
+    }
+
+
+def recording(seconds: float = 40.0, seed: int = 0, dt_s: float = PERIOD_S) -> Recording:
+    samples = round(seconds / dt_s)
+    return drive(seconds, seed, dt_s, columns=context(samples, dt_s, 10 * seed), source=f"drive{seed}.csv")
+
+
+def scene_of(*recordings: Recording, raw: tuple[Recording, ...] | None = None, horizon_s: float = WARM_UP_S) -> Scene:
+    return Scene(recordings, sorted({*recordings[0].columns, OUTPUT}), raw, horizon_s)
+
+
+def with_hole(one: Recording, name: str, start: int, stop: int) -> Recording:
+    values = np.array(one.columns[name])
+    values[start:stop] = np.nan
+    return Recording(one.time_s, {**one.columns, name: values}, one.dt_s, one.source)
+
+
+def predicted(explanation: Explanation, one: Recording) -> np.ndarray:
+    """What the discrete model, with taps that leave nothing out, says of samples that are judged.
+
+    Sample k is predicted from the measured speed at the start of its segment, 15 to 44 samples before.
+    """
+    blank = explanation.model(one.dt_s)
+    like = replace(blank, nb=LONG, theta=(0.0,) * (len(blank.theta) - blank.nb + LONG))
+    return by_segments(explanation.model(one.dt_s, like), one)
+
+
+def by_segments(model: Model, one: Recording) -> np.ndarray:
+    result = np.full(len(one), np.nan)
+    k = np.arange(AHEAD, len(one))
+    steps = AHEAD + (k - AHEAD) % EACH
+    for ahead in COMPARED:
+        speed = prediction.ahead(model, one.input, one.output, one.columns, ahead)
+        result[k[steps == ahead]] = speed[k[steps == ahead]]
+    return result
+
+
+CASES: dict[str, tuple[tuple[Effect, ...], tuple[float, ...]]] = {
+    "core alone": ((), ()),
+    "command": ((DeadZone(300.0, 20.0),), ()),
+    "command with memory": ((RateLimit(300.0, 0.2), Hysteresis(60.0), DeadZone(200.0)), ()),
+    "gain": ((EngineSpeed(1.0),), ()),
+    "gain with pace": ((GearRatio(1.4, 2.5, 4.4, 7.8),), ()),
+    "load": ((Grade(0.5, 0.3, 0.5),), (0.4,)),
+    "dynamics with pace": ((DeadZone(250.0), ActiveBraking(0.4)), ()),
+    "sensor": ((SensorBias(), WheelSlip(0.7)), (0.6,)),
+    "gain of the speed": ((SpeedDroop(0.08),), ()),
+    "gain of the speed with a signal": ((PowerLimit(15.0, 1.5),), ()),
+    "load of the speed": ((CoulombFriction(0.3),), (0.3,)),
+    "load of the speed with a memory": ((CropLoad(8.0, 0.0),), (0.5,)),
+    "all at once": (
+        (
+            Hysteresis(40.0),
+            DeadZone(250.0, 10.0),
+            EngineSpeed(1.2),
+            GearRatio(1.4, 2.5, 3.5, 7.8),
+            SpeedDroop(0.05),
+            Grade(1.0, 0.2, 0.3),
+            CropLoad(5.0, 0.0),
+            CoulombFriction(0.2),
+            ActiveBraking(1.6),
+        ),
+        (0.3, 0.4, 0.2),
+    ),
+}
+
+
+@pytest.mark.parametrize(("effects", "loads"), CASES.values(), ids=CASES)
+def test_a_scene_simulates_what_the_discrete_model_predicts(effects, loads):
+    one = recording()
+    explanation = Explanation(CORE, effects, loads, 0.1)
+    (simulated,) = scene_of(one).simulate([explanation])
+    by_model = predicted(explanation, one)
+    known = np.isfinite(by_model)
+    assert known.sum() >= 4 * len(COMPARED)
+    assert simulated[known] == pytest.approx(by_model[known], abs=1e-6)
+    if effects:
+        (bare,) = scene_of(one).simulate([Explanation(CORE, (), (), 0.1)])
+        assert np.nanmax(np.abs(simulated - bare)) > 0.02
+
+
+def test_with_the_models_own_taps_they_differ_by_no_more_than_the_tail():
+    one = recording()
+    effects, loads = CASES["all at once"]
+    explanation = Explanation(CORE, effects, loads, 0.1)
+    (simulated,) = scene_of(one).simulate([explanation])
+    difference = np.abs(simulated - by_segments(explanation.model(PERIOD_S), one))
+    assert 1e-6 < np.nanmax(difference) < 2.0 * TAIL * CORE.gain_mps_per_ma * np.ptp(one.input)
+
+
+def test_a_memory_of_speed_that_starts_unknown_matters_little_three_seconds_later():
+    """The model remembers a measured speed before the segment, the scene doesn't: one sample of acceleration."""
+    one = recording()
+    explanation = Explanation(CORE, (CropLoad(5.0, 10.0),), (0.5,), 0.1)
+    (simulated,) = scene_of(one).simulate([explanation])
+    a = CORE.pole(PERIOD_S)
+    fastest = float(np.max(np.abs(np.diff(one.output)))) / PERIOD_S * float(np.max(np.abs(one.output)))
+    bound = (1.0 - a) * a ** (AHEAD - 2) * 0.5 * 0.01 * 10.0 * fastest
+    assert bound < 2e-3
+    assert np.nanmax(np.abs(simulated - predicted(explanation, one))) < bound
+
+
+@pytest.mark.parametrize("case", ["core alone", "command", "load", "all at once"])
+def test_from_a_finer_recording_it_is_the_same_to_a_percent_of_the_speed(case):
+    """Lags that are stepped at 20 Hz lead less than at 5 Hz: half a coarse period for each, and the same statics."""
+    effects, loads = CASES[case]
+    explanation = Explanation(CORE, effects, loads, 0.1)
+    fine = recording(dt_s=0.05)
+    coarse = resample(fine, PERIOD_S)
+    (from_fine,) = scene_of(coarse, raw=(fine,)).simulate([explanation])
+    (from_coarse,) = scene_of(coarse).simulate([explanation])
+    difference = from_fine - from_coarse
+    assert np.sqrt(np.nanmean(difference**2)) < 0.05 * np.std(coarse.output)
+    assert abs(np.nanmean(difference)) < 0.01 * np.mean(coarse.output)
+
+
+def test_the_mean_of_a_reshaped_current_is_taken_where_the_current_was_measured():
+    dt_s = 0.02
+    time_s = dt_s * np.arange(1, 2001)
+    u = np.where(np.arange(2000) % 10 < 5, 500.0, 700.0)  # within one period of 0.2 s both
+    fine = Recording(time_s, {INPUT: u, OUTPUT: 1.0 + 0.1 * np.sin(time_s)}, dt_s, "fast.csv")
+    coarse = resample(fine, PERIOD_S)
+    drive_ma, _ = scene_of(coarse, raw=(fine,)).drive((DeadZone(600.0),))
+    assert drive_ma[5:] == pytest.approx(np.full(len(coarse) - 5, 50.0), abs=1e-9)
+    felt = scene_of(coarse, raw=(fine,)).felt(replace(CORE, delay_s=0.0), (DeadZone(600.0),))
+    assert felt[20:] == pytest.approx(np.full(len(coarse) - 20, 50.0), abs=6.0)
+    alone, _ = scene_of(coarse).drive((DeadZone(600.0),))
+    assert np.max(np.abs(alone)) < 15.0
+
+
+def test_side_by_side_is_the_same_as_one_after_the_other():
+    scene = scene_of(recording(), recording(30.0, seed=1))
+    effects, loads = CASES["all at once"]
+    batch = []
+    for i in range(4):
+        mine = tuple(
+            effect.reshaped(
+                **{
+                    name: value + 0.05 * i * (bound.high - value)
+                    for name, bound in effect.parameters.items()
+                    for value in [getattr(effect, name)]
+                }
+            )
+            for effect in effects
+        )
+        core = replace(CORE, delay_s=0.3 + 0.07 * i, time_constant_s=0.5 + 0.1 * i)
+        batch.append(Explanation(core, mine, tuple(load * (1.0 + 0.2 * i) for load in loads), 0.1 * i))
+    together = scene.simulate(batch)
+    alone = np.array([scene_of(*scene.recordings).simulate([one])[0] for one in batch])
+    np.testing.assert_allclose(together, alone, rtol=0.0, atol=1e-12)
+    assert np.nanmin(np.nanmax(np.abs(np.diff(together, axis=0)), axis=1)) > 0.01
+    np.testing.assert_array_equal(scene.simulate(batch[::-1])[::-1], together)
+    np.testing.assert_allclose(scene.errors(batch), scene.speed_mps - together)
+
+
+@pytest.mark.parametrize("seconds", [(40.0,), (40.0, 9.2, 3.2, 3.0, 61.4), (2.0, 2.8)])
+@pytest.mark.parametrize("horizon_s", [3.0, 1.0, 5.0])
+def test_every_sample_that_can_be_is_judged_once_and_far_enough_ahead(seconds, horizon_s):
+    recordings = [
+        recording(40.0 if span < 5 else span, seed)[: round(span / PERIOD_S)] for seed, span in enumerate(seconds)
+    ]
+    scene = scene_of(*recordings, horizon_s=horizon_s)
+    ahead = round(horizon_s / PERIOD_S)
+    times = np.zeros(len(scene), int)
+    for segment in range(scene.steps.shape[1]):
+        samples = scene.steps[:, segment][scene.shown[:, segment]]
+        np.add.at(times, samples, 1)
+        start = scene.steps[0, segment] - 1
+        (part,) = [part for part in scene.parts if part.start <= start < part.stop]
+        assert np.all((samples - start >= ahead) & (samples < part.stop))
+        assert np.all(samples - start < ahead + EACH)
+        assert scene.start_mps[segment] == scene.speed_mps[start]
+    expected = np.zeros(len(scene), int)
+    for part in scene.parts:
+        expected[part.start + ahead : part.stop] = 1
+    np.testing.assert_array_equal(times, expected)
+    np.testing.assert_array_equal(scene.judged, expected == 1)
+    (speed,) = scene.simulate([Explanation(CORE, (), (), 0.1)])
+    np.testing.assert_array_equal(np.isfinite(speed), scene.judged)
+
+
+def test_recordings_are_never_joined():
+    """Each of them simulated alone says the same, with every memory begun anew."""
+    first, second = recording(), recording(30.0, seed=1)
+    explanation = Explanation(CORE, *CASES["all at once"], 0.1)
+    (together,) = scene_of(first, second).simulate([explanation])
+    for part, one in zip((slice(0, 200), slice(200, 350)), (first, second), strict=True):
+        alone = Scene([one], sorted(one.columns))
+        np.testing.assert_allclose(together[part], alone.simulate([explanation])[0], rtol=0.0, atol=1e-12)
+
+
+def changed(one: Recording, holed: Recording, explanation: Explanation) -> np.ndarray:
+    """The samples (N,) that lose their number by a hole; all others must keep it to the bit."""
+    (whole,), (poor,) = scene_of(one).simulate([explanation]), scene_of(holed).simulate([explanation])
+    lost = np.isfinite(whole) & np.isnan(poor)
+    kept = np.isfinite(poor)
+    np.testing.assert_allclose(poor[kept], whole[kept], rtol=0.0, atol=1e-9)
+    return lost
+
+
+def test_a_hole_in_a_measured_speed_costs_the_error_there_and_the_segments_that_start_in_it():
+    one = recording(60.0)
+    explanation = Explanation(CORE, (), (), 0.1)
+    inside = with_hole(one, OUTPUT, 70, 73)  # no segment starts there
+    assert not changed(one, inside, explanation).any()
+    errors = scene_of(inside).errors([explanation])[0]
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(errors[AHEAD:])) + AHEAD, [70, 71, 72])
+    at_start = with_hole(one, OUTPUT, 60, 61)
+    np.testing.assert_array_equal(np.flatnonzero(changed(one, at_start, explanation)), np.arange(75, 105))
+
+
+@pytest.mark.parametrize(("hole", "last"), [((110, 112), 134), ((114, 116), 164)])
+def test_a_hole_in_the_current_costs_what_remembers_it(hole, last):
+    """Segments start from the speeds 90 and 120: the memory of the later hole reaches into both."""
+    one = recording(60.0)
+    explanation = Explanation(CORE, (DeadZone(200.0),), (), 0.1)
+    holed = with_hole(one, INPUT, *hole)
+    felt = scene_of(holed).felt(CORE, (DeadZone(200.0),))
+    memory = int(CORE.memory_s / PERIOD_S)
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(felt)), np.arange(hole[0], hole[1] + memory))
+    (whole,), (poor,) = scene_of(one).simulate([explanation]), scene_of(holed).simulate([explanation])
+    lost = np.flatnonzero(np.isfinite(whole) & np.isnan(poor))
+    np.testing.assert_array_equal(lost, np.arange(hole[0], last + 1))
+    kept = np.isfinite(poor)
+    # After it the core is where the current before the hole, held, would have brought it: right to its tail.
+    assert np.max(np.abs(poor[kept] - whole[kept])) < TAIL * CORE.gain_mps_per_ma * np.ptp(one.input)
+
+
+def test_a_hole_in_the_current_of_a_finer_recording_costs_the_periods_that_hold_it():
+    fine = recording(40.0, dt_s=0.05)
+    holed = with_hole(fine, INPUT, 400, 401)
+    felt = scene_of(resample(holed, PERIOD_S), raw=(holed,)).felt(replace(CORE, delay_s=0.0), ())
+    edges = holed.time_s[400], holed.time_s[400] + replace(CORE, delay_s=0.0).memory_s
+    time_s = resample(holed, PERIOD_S).time_s
+    expected = (time_s > edges[0] - 1e-6) & (time_s - PERIOD_S < edges[1] + 1e-6)
+    assert np.isnan(felt).sum() > 3
+    assert np.abs(np.isnan(felt).astype(int) - expected).sum() <= 1
+    np.testing.assert_array_equal(np.isnan(felt) & ~expected, False)
+
+
+@pytest.mark.parametrize("effect", [Hysteresis(60.0), RateLimit(400.0, 0.1), DeadZone(300.0)])
+def test_a_command_with_memory_lives_on_after_a_hole(effect):
+    one = recording(60.0)
+    holed = with_hole(one, INPUT, 100, 103)
+    drive_ma, _ = scene_of(holed).drive((effect,))
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(drive_ma)), [100, 101, 102])
+
+
+@pytest.mark.parametrize(
+    ("effect", "load", "signal"),
+    [(Grade(), 0.4, "pitch_deg"), (EngineSpeed(1.0), None, "engine_speed_rpm"), (GearRatio(), None, "gear")],
+)
+def test_a_hole_in_a_signal_costs_the_rest_of_its_segments(effect, load, signal):
+    one = recording(60.0)
+    explanation = Explanation(CORE, (effect,), () if load is None else (load,), 0.1)
+    lost = np.flatnonzero(changed(one, with_hole(one, signal, 110, 111), explanation))
+    np.testing.assert_array_equal(lost, np.arange(110, 135))  # of the segments that start at 60 and 90
+    nowhere = with_hole(one, signal, 0, len(one))
+    assert np.isnan(scene_of(nowhere).simulate([explanation])).all()
+    without = Explanation(CORE, (), (), 0.1)
+    assert not changed(one, nowhere, without).any()
+
+
+def test_too_short_a_recording_is_not_judged():
+    one = recording()[: AHEAD - 1]
+    scene = scene_of(one)
+    assert not scene.judged.any()
+    assert np.isnan(scene.errors([Explanation(CORE, (), (), 0.1)])).all()
+
+
+def test_a_run_that_goes_away_is_no_warning():
+    scene = scene_of(recording(60.0))
+    (errors,) = scene.errors([Explanation(replace(CORE, gain_mps_per_ma=1e200), (SpeedDroop(0.5),), (), 0.1)])
+    assert not np.isfinite(errors[scene.judged]).all()

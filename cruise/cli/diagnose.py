@@ -73,19 +73,20 @@ def diagnose(
         begun = ladder.begin(native, structure, start, core, period_s, horizon, status.update)
         found = search(begun, status.update)
         status.update("weighing the evidence")
-        said = report(found, model, str(structure))
+        said, floor = report(found, model, str(structure)), None
         if wanted is not None:
             status.update("looking for the noise floor")
             floor = evidence.floor_of(found, native)
             status.update("drawing")
             said["picture"] = str(diagnose_picture.draw(found, floor, wanted))
-    if as_json:
+    if as_json or floor is None:
         print(json.dumps(said, indent=2))
         return
     options = {"--columns": columns, "--input": input_name, "--output": output_name, "--database": database}
     options |= {"--period": period, "--horizon": None if horizon == 3.0 else horizon}
     given = [word for name, value in options.items() if value is not None for word in (name, str(value))]
-    diagnose_words.say(found, model, [shlex.quote(str(one)) for one in recordings], given, said["picture"])
+    files_given = [shlex.quote(str(one)) for one in recordings]
+    diagnose_words.say(found, floor, model, files_given, [shlex.quote(word) for word in given], said["picture"])
 
 
 def report(found: Diagnosis, model: str, structure: str) -> dict[str, Any]:

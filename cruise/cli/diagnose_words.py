@@ -12,12 +12,14 @@ from rich.console import Console
 from rich.table import Table
 
 from cruise.cli import diagnose_evidence as evidence
+from cruise.cli.add import floor_in_words
 from cruise.cli.diagnose_curve import curve
 from cruise.cli.diagnose_evidence import SURE, Number
 from cruise.cli.effects import headline
 from cruise.cli.reading import NOTES_SHOWN, count_of, notes_of
 from cruise.effects import EFFECTS
 from cruise.validation.diagnose import LEAST_GAIN, SEED, UNNAMED, Diagnosis, Tried, Verdict
+from cruise.validation.noise_floor import NoiseFloor
 from cruise.validation.search import Judged, sureness
 
 WIDTH: Final = 80
@@ -29,13 +31,16 @@ SENTENCES: Final = 2  # of the physics; `cruise effects NAME` has them all
 SPLIT: Final = re.compile(r"(?<=[a-z)][.]) +(?=[A-Z])")
 
 
-def say(found: Diagnosis, model: str, recordings: Sequence[str], options: Sequence[str], picture: str) -> None:
+def say(
+    found: Diagnosis, floor: NoiseFloor, model: str, recordings: Sequence[str], options: Sequence[str], picture: str
+) -> None:
     """Print everything, the verdict first. `recordings` and `options` are the words of the command line, quoted."""
     console, study = Console(highlight=False, width=WIDTH), found.study
     _print(console, sentence(found), 0, bold=True)
     samples = sum(len(one) for one in study.recordings)
     _print(console, f"{model}, refitted; seed {SEED}", 0)
     _print(console, f"{count_of(len(study.recordings), 'recording')}, {samples} samples of {study.period_s:g} s", 0)
+    _print(console, f"noise floor {study.horizon_s:g} s ahead: {floor_in_words(floor)}", 0)
     notes = notes_of(study.recordings)
     for note in notes[:NOTES_SHOWN]:
         _print(console, f"note: {note}", 0)

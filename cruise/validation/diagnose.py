@@ -1,8 +1,8 @@
 """Which effect is missing: nothing, one or more of the table, something unlisted, or two that look alike.
 
-Every candidate is fitted jointly with the core and judged on held-out blocks, at least 3 s ahead. What counts is how far
-the error falls, against every other candidate, the curves without physics among them. Consequences of the drive (engine
-load, line pressure) must explain more than a cause does to be believed.
+Every candidate is fitted jointly with the core and judged on held-out blocks, at least 3 s ahead. What counts is how
+far the error falls, against every other candidate, the curves without physics among them. Consequences of the drive
+(engine load, line pressure) must explain more than a cause does to be believed.
 """
 
 import math
@@ -20,7 +20,8 @@ from cruise.validation.study import Study
 
 SEED: Final = 20051  # of the bootstrap
 LEAST_GAIN: Final = 0.15  # of the present loss: errors that fall by less than 8 % are a little of everything
-LEAST_SHARE: Final = 0.03  # of the first loss, for every further effect
+LEAST_SHARE: Final = 0.01  # of the first loss, for every further effect
+LEAST_FURTHER: Final = 0.20  # of the present loss, for every further effect: the form of the first is never exact
 SURE: Final = 1.6  # standard errors of a held-out gain that is large already; a few blocks may hold all of it
 DOUBTED: Final = 1.4  # times LEAST_GAIN, which a consequence of the drive must bring after what is taken off its gain
 KEEP: Final = 0.5  # of LEAST_GAIN: what an effect must still bring beside the others
@@ -28,6 +29,7 @@ MOST_EFFECTS: Final = 4
 ALIKE: Final = 0.03  # log of the ratio of two losses below which no form of a model is exact enough to decide
 HALF_MARGIN: Final = 0.06  # margin at which a verdict is as often right as wrong
 STEEPNESS: Final = 1.3
+EACH: Final = 0.93  # of what several effects explain together that counts, for each after the first
 RIVALS: Final = 6  # alternatives for which an effect is exchanged once all are together
 UNNAMED: Final = "unnamed:"
 
@@ -140,15 +142,21 @@ def confidence_of(margin: float) -> float:
 def _forward(
     study: Study, rng: np.random.Generator, show: Show
 ) -> tuple[Judged, tuple[Step, ...], list[str], Judged, list[Refused]]:
-    """Add the best candidate while it brings enough; after each, drop what it makes superfluous."""
+    """Add the best effect while it brings enough; after each, drop what it makes superfluous.
+
+    A curve without physics that did better than the best effect is kept in mind: it has the word in the end, unless
+    the effects together explain as much as it counts.
+    """
     search, base = study.search, study.base
     present, steps, chosen = base, [], []
     refused: list[Refused] = []
     credit: dict[str, float] = {}
+    curve: Tried | None = None
     while len(chosen) < MOST_EFFECTS:
         possible, cannot = candidates(study.recordings, present.explanation)
         refused = refused or cannot
-        everyone: list[Candidate] = [*possible, *unnamed(study.recordings, present.explanation)]
+        curves = unnamed(study.recordings, present.explanation) if not steps else []
+        everyone: list[Candidate] = [*possible, *curves]
         fits = []
         for candidate in everyone:
             show(f"trying {_in_words(candidate.name)}" + (f" beside {', '.join(chosen)}" if chosen else ""))
@@ -163,26 +171,35 @@ def _forward(
             tried.append(Tried(candidate.name, mine, mine * candidate.credit, sureness(present, judged, rng), judged))
         tried.sort(key=lambda one: -one.counted)
         steps.append(Step(present, tuple(tried)))
-        best = tried[0]
-        doubted = best.gain > 0.0 and best.counted < FLEXIBLE * best.gain
-        bar = DOUBTED * LEAST_GAIN if doubted else FLEXIBLE * LEAST_GAIN
-        enough = best.gain >= LEAST_GAIN and best.counted >= bar and best.sureness >= SURE
-        if chosen:
-            enough = enough and present.loss - best.judged.loss >= LEAST_SHARE * base.loss
-        if not enough:
+        if tried and tried[0].name.startswith(UNNAMED) and _enough(tried[0]):
+            curve = tried[0]
+        best = next((one for one in tried if not one.name.startswith(UNNAMED)), None)
+        if best is None or not _enough(best):
+            break
+        small = best.gain < LEAST_FURTHER or present.loss - best.judged.loss < LEAST_SHARE * base.loss
+        if chosen and small:
             break
         chosen.append(best.name)
         credit[best.name] = next(one.credit for one in everyone if one.name == best.name)
         present = best.judged
-        if best.name.startswith(UNNAMED):
-            break
-        newest = credit[chosen[-1]]
-        for name in [name for name in chosen[:-1] if credit[name] <= newest]:  # a consequence never drops a cause
+        for name in [name for name in chosen[:-1] if credit[name] <= credit[best.name]]:
+            # A consequence never drops a cause.
             other = search.judged("", search.fitted(without(present.explanation, name)))
             if gain(other, present) < KEEP * LEAST_GAIN:
                 chosen.remove(name)
                 present = other
+    if curve is not None:
+        together = gain(base, present) * math.prod((credit[name] for name in chosen), start=1.0)
+        if not chosen or together * EACH ** (len(chosen) - 1) < curve.counted:
+            return base, tuple(steps), [curve.name], curve.judged, refused
     return base, tuple(steps), chosen, present, refused
+
+
+def _enough(one: Tried) -> bool:
+    """Whether what a candidate explains is worth naming, and sure."""
+    doubted = one.gain > 0.0 and one.counted < FLEXIBLE * one.gain
+    bar = DOUBTED * LEAST_GAIN if doubted else FLEXIBLE * LEAST_GAIN
+    return one.gain >= LEAST_GAIN and one.counted >= bar and one.sureness >= SURE
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from cruise.model import prediction
 from cruise.model.files import PhysicalCore
 from cruise.model.model import Model
 from cruise.recording import Recording
-from cruise.validation.candidates import Candidate, candidates
+from cruise.validation.candidates import Candidate
 from cruise.validation.explanation import CORE, RESONANCE, Explanation
 from cruise.validation.noise_floor import NoiseFloor, noise_floor
 from cruise.validation.search import FOLDS, Judged
@@ -67,16 +67,18 @@ def begin(
     show: Show = lambda text: None,
 ) -> Study:
     """The study of a model, with all that it holds: terms of the user's own, and what lives in its core."""
-    further: list[Candidate] = [candidate(name) for name in (core.effects if core else ())]
+    further: list[Candidate] = [candidate(name, recordings) for name in (core.effects if core else ())]
     if file is not None:
         for term in structure.custom:
             check_term(term, recordings)
         begun = study(recordings, structure, file, period_s, horizon_s, show)
+        further: list[Candidate] = []
     else:  # a term that was never fitted has no shape to begin from
         own = {term.name for term in structure.custom}
         bare = replace(structure, effects=tuple(name for name in structure.effects if name not in own), custom=())
         begun = study(recordings, bare, None, period_s, horizon_s, show)
-        further += [term_candidate(term, begun.recordings) for term in structure.custom]
+        further = [term_candidate(term, begun.recordings) for term in structure.custom]
+    further += [candidate(name, begun.recordings) for name in (core.effects if core else ())]
     for one in further:
         show(f"fitting with {one.name}")
         grown = begun.search.grown(begun.base.explanation, one)
@@ -90,7 +92,10 @@ def add(study: Study, effect: str | Custom, show: Show = lambda text: None) -> A
     name = effect if isinstance(effect, str) else effect.name
     if name in base.explanation.names:
         raise FitError(f"the model has {name} already: name another effect, or take it out with cruise ladder --undo")
-    known = term_candidate(effect, study.recordings) if isinstance(effect, Custom) else _effect_candidate(effect, study)
+    if isinstance(effect, Custom):
+        known: Candidate = term_candidate(effect, study.recordings)
+    else:
+        known = candidate(effect, study.recordings)
     show(f"fitting with {name}")
     after = search.judged(name, search.grown(base.explanation, known))
     terms = [one for one in after.explanation.effects if isinstance(one, Custom)]
@@ -164,15 +169,6 @@ def parameters(study: Study, added: Added) -> list[Parameter]:
             remark = "at its bound"
         found.append(Parameter(name, unit, before.get((slot.owner, slot.name)), value, error, remark))
     return found
-
-
-def _effect_candidate(name: str, study: Study) -> Candidate:
-    """The effect as a candidate, with what the recordings tell of it. FitError where they can't speak of it."""
-    possible, refused = candidates(study.recordings, study.base.explanation)
-    for one in refused:
-        if one.effect == name:
-            raise FitError(f"{name} can't be added: {one.reason}; record a drive in which it is measured and moves")
-    return next(one for one in possible if one.name == name)
 
 
 def _ahead(study: Study, judged: Judged, horizon: int) -> np.ndarray:

@@ -18,13 +18,7 @@ from cruise.model.core import Core
 from cruise.model.model import Model
 from cruise.recording import Recording
 from cruise.signals import OUTPUT
-from cruise.validation.candidates import (
-    Candidate,
-    DelayCandidate,
-    EffectCandidate,
-    ResonanceCandidate,
-    why_not,
-)
+from cruise.validation.candidates import Candidate, EffectCandidate, candidates, why_not
 from cruise.validation.explanation import Explanation
 from cruise.validation.search import Judged, Search
 from cruise.validation.simulation import JUDGED_S, WARM_UP_S, Scene
@@ -90,9 +84,13 @@ def study(
     return Study(tuple(prepared), search, search.judged("", found), horizon_s)
 
 
-def candidate(name: str) -> Candidate:
-    """The candidate of a name in the table of effects."""
-    return {"transport_delay": DelayCandidate(), "resonance": ResonanceCandidate()}.get(name) or EffectCandidate(name)
+def candidate(name: str, recordings: Sequence[Recording]) -> Candidate:
+    """The candidate of a name in the table of effects. FitError says why these recordings can't speak of it."""
+    possible, refused = candidates(recordings, Explanation(START))
+    for one in refused:
+        if one.effect == name:
+            raise FitError(f"{name} can't be added: {one.reason}; record a drive in which it is measured and moves")
+    return next(one for one in possible if one.name == name)
 
 
 def discrete(one: Study, judged: Judged) -> Model:

@@ -116,6 +116,7 @@ def test_it_says_what_the_effect_is_worth_and_writes_the_model(verb, drives, tmp
     assert last.effect == "grade"
     assert last.before is not None
     assert last.error_before_mps == start.error_after_mps
+    assert last.error_before_mps is not None
     assert file.provenance.error_ahead_mps == last.error_after_mps < last.error_before_mps
     assert (last.samples, last.recordings[0].rpartition("/")[2]) == (2399, "hills.csv, 0.1 to 239.9 s")
 
@@ -202,6 +203,16 @@ def test_a_model_file_of_another_kind_is_what_undo_brings_back(verb, drives, tmp
     assert (first["effect"], first["structure"]) == ("grade", None)
     assert verb("ladder", "better.yaml", "--undo")[0] == 0
     assert files.read(tmp_path / "better.yaml") == files.read(tmp_path / "m.yaml")
+
+
+@pytest.mark.usefixtures("quick")
+def test_what_lives_in_the_core_is_taken_on(verb, drives, tmp_path):
+    assert verb("add", "resonance", "--model", MODEL, drives / "hills.csv", "-o", "better.yaml")[0] == 0
+    assert verb("add", "grade", "--model", "better.yaml", drives / "hills.csv", "-o", "better.yaml")[0] == 0
+    core = files.read(tmp_path / "better.yaml").core
+    assert core is not None
+    assert (core.effects, list(core.loads_mps)) == (("resonance",), ["grade"])
+    assert "+ resonance" in verb("ladder", "better.yaml")[1]
 
 
 @pytest.mark.usefixtures("quick")

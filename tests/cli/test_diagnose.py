@@ -81,7 +81,7 @@ def flat() -> Diagnosis:
 
 
 def said(capsys: pytest.CaptureFixture[str], found: Diagnosis, *options: str) -> str:
-    diagnose_words.say(found, MODEL, ["drive.csv"], options, "p.png")
+    diagnose_words.say(found, FLOOR, MODEL, ["drive.csv"], options, "p.png")
     out = capsys.readouterr().out
     assert max(map(len, (line for line in out.splitlines() if "cruise add" not in line))) <= 80
     assert "nan" not in out
@@ -132,6 +132,7 @@ def test_the_verdict_comes_first_and_everything_that_follows_from_it(hills, caps
     for words in (
         "a part of the machine's weight pulls along the ground",
         "phi = -(9.81 m/s2",
+        "noise floor 3 s ahead: at least 0.0100 m/s, at most 0.0120 m/s",
         "m/s per phi above 0 plausible",
         "what moved in the rest of the model",
         "each effect alone beside the model, 3 s ahead, held out",
@@ -194,6 +195,15 @@ def test_what_can_not_be_told_apart_comes_with_every_experiment(hills, capsys):
     assert "cruise add" not in out
 
 
+def test_a_rival_as_good_is_not_called_beaten(hills, capsys):
+    first = hills.steps[0]
+    grade, rival = [one for one in first.tried if not one.name.startswith("unnamed:")][:2]
+    tied = tuple(replace(one, judged=grade.judged) if one is rival else one for one in first.tried)
+    out = said(capsys, replace(hills, steps=(replace(first, tried=tied), *hills.steps[1:])))
+    assert f"`grade` or `{rival.name}`: leaves" in out
+    assert "too close for the errors to decide (+0.0 standard errors)" in out
+
+
 def test_several_effects_are_added_one_after_the_other(hills, capsys):
     first, second = [one for one in hills.steps[0].tried if not one.name.startswith("unnamed:")][:2]
     steps = (hills.steps[0], type(hills.steps[0])(first.judged, (second, first)))
@@ -218,6 +228,8 @@ def test_the_curve_of_an_effect_is_its_own_code_with_its_uncertainty(hills):
     response = curve(hills.study, hills.base, delayed, "transport_delay")
     low, high = np.nanquantile(hills.study.search.scene.current_ma, (0.25, 0.75))
     assert response.y[-1] - response.y[0] == pytest.approx(GAIN * (high - low), rel=0.02)
+    reached = np.interp(2.0, response.x, response.y) - response.y[0]
+    assert 0.75 < reached / (response.y[-1] - response.y[0]) < 0.95
     assert np.ptp(response.y[response.x < 0.0]) == pytest.approx(0.0, abs=1e-9)
 
 
@@ -240,6 +252,16 @@ def test_the_telling_minute_is_that_in_which_the_error_falls_most(hills):
     fallen = np.nan_to_num(hills.base.error_mps**2 - hills.final.error_mps**2)
     sums = [fallen[i : i + 300].sum() for i in range(len(fallen) - 299)]
     assert fallen[stretch].sum() == pytest.approx(max(sums))
+
+
+def test_the_telling_minute_lies_within_one_of_several_recordings(hills):
+    two = study([drive(1, PULL), drive(3, PULL, seconds=40.0)], parse(MODEL), None, 0.2)
+    second = two.search.scene.parts[1]
+    for better, wanted in ((slice(second.start, second.stop), (1, second)), (slice(100, 400), (0, slice(100, 400)))):
+        error = two.base.error_mps.copy()
+        error[better] *= 0.01
+        found = replace(hills, study=two, base=two.base)
+        assert diagnose_picture.telling_stretch(found, replace(two.base, error_mps=error)) == wanted
 
 
 @pytest.mark.parametrize("which", ["missing", "nothing", "unlisted", "ambiguous"])

@@ -196,7 +196,8 @@ def test_no_number_leaves_its_bounds():
     hills = wander(1200, 0.1, 7, 2.0, 5.0)
     one = drive(120.0, 4, 0.1, 0.02, load_mps=0.05 * hills, columns={"pitch_deg": hills})
     search = search_of(one, longest_delay_s=0.1)
-    start = replace(START, effects=(Hysteresis(60.0), Grade()), loads=(0.2,))
+    core = replace(START.core, delay_s=0.05)
+    start = replace(START, core=core, effects=(Hysteresis(60.0), Grade()), loads=(0.2,))
     plan = search.plan(start)
     tried = []
 
@@ -205,7 +206,7 @@ def test_no_number_leaves_its_bounds():
             tried.extend(batch)
             return super().errors(batch)
 
-    found = fit(Spy(search.scene.recordings, list(search.scene.signals)), plan, lambda errors: errors)
+    found = fit(Spy([one], sorted(one.columns)), plan, lambda errors: errors)
     assert len(tried) > 20
     for each in tried:
         owners = {"core": each.core, **{effect.name: effect for effect in each.effects}}
@@ -214,8 +215,9 @@ def test_no_number_leaves_its_bounds():
             key = slot.owner, slot.name
             value = given[key] if key in given else getattr(owners[slot.owner], slot.name)
             assert slot.low <= value <= slot.high, key
-    assert found.explanation.core.delay_s > 0.02
+    assert found.explanation.core.delay_s == pytest.approx(0.1, abs=0.002)
     assert found.explanation.loads[0] == pytest.approx(0.0, abs=1e-3)
+    assert found.explanation.effects[0] == Hysteresis(pytest.approx(0.0, abs=0.1))
 
 
 def test_a_layout_and_its_vector_are_one_explanation():

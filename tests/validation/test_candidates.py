@@ -1,0 +1,356 @@
+"""What could be missing: who is refused and why, the order of the chain, what goes in comes out again."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cruise.effects import EFFECTS, Stage
+from cruise.effects.coulomb_friction import CoulombFriction
+from cruise.effects.dead_zone import DeadZone
+from cruise.effects.engine_speed import EngineSpeed
+from cruise.effects.grade import Grade
+from cruise.effects.hysteresis import Hysteresis
+from cruise.effects.leakage import Leakage
+from cruise.effects.rate_limit import RateLimit
+from cruise.effects.saturation import Saturation
+from cruise.model.core import Core
+from cruise.recording import Recording
+from cruise.signals import INPUT, OUTPUT
+from cruise.validation.candidates import (
+    BLIND,
+    CONSEQUENCES,
+    FLEXIBLE,
+    DelayCandidate,
+    EffectCandidate,
+    Refused,
+    ResonanceCandidate,
+    UnnamedCandidate,
+    candidates,
+    owner,
+    unnamed,
+    why_not,
+    with_effect,
+    without,
+)
+from cruise.validation.explanation import CORE, RESONANCE, Explanation
+from cruise.validation.unnamed import (
+    FARTHEST,
+    POWERS,
+    SPEED,
+    UnnamedCurve,
+    UnnamedDirection,
+    UnnamedGain,
+    UnnamedLoad,
+    range_of,
+)
+from tests.validation.driving import drive, wander
+
+BARE = Explanation(Core(2.5e-3, 0.3, 0.15, 0.6, 0.05), (), (), 0.1)
+SAMPLES = 400
+
+
+def recorded(seed: int = 1, **columns: np.ndarray) -> Recording:
+    return drive(80.0, seed, 0.2, 0.02, columns=columns)
+
+
+def everything(seed: int = 1) -> Recording:
+    """All signals that any effect needs, all of them moving."""
+    spread = {
+        "pitch_deg": (0.0, 2.0),
+        "engine_speed_rpm": (2050.0, 60.0),
+        "engine_load_pct": (60.0, 15.0),
+        "wheel_speed_mps": (1.5, 0.4),
+        "machine_mass_kg": (17000.0, 900.0),
+        "oil_temperature_c": (60.0, 8.0),
+        "line_pressure_bar": (120.0, 40.0),
+    }
+    columns = {
+        name: centre + wander(SAMPLES, 0.2, 20 * seed + i, width, 4.0)
+        for i, (name, (centre, width)) in enumerate(spread.items())
+    }
+    return recorded(seed, **columns, gear=np.where(np.arange(SAMPLES) < 200, 2.0, 3.0))
+
+
+# -- refusals
+
+
+def test_what_is_not_recorded_can_not_be_blamed():
+    found, refused = candidates([recorded()], BARE)
+    reasons = {one.effect: one.reason for one in refused}
+    assert reasons["grade"] == "pitch_deg is not recorded"
+    assert reasons["engine_speed"] == "engine_speed_rpm is not recorded"
+    assert reasons["gear_ratio"] == "gear is not recorded"
+    assert {one.name for one in found} | set(reasons) == set(EFFECTS)
+    assert not {one.name for one in found} & set(reasons)
+    free = {name for name, kind in EFFECTS.items() if not set(kind.needs) - {OUTPUT}}
+    assert {one.name for one in found} == free
+
+
+def test_with_every_signal_nothing_is_refused():
+    found, refused = candidates([everything()], BARE)
+    assert refused == []
+    assert [one.name for one in found] == list(EFFECTS)
+
+
+def test_what_never_moves_is_not_excited_not_absent():
+    still = recorded(engine_speed_rpm=2050.0 + wander(SAMPLES, 0.2, 1, 5.0, 4.0), pitch_deg=np.zeros(SAMPLES))
+    assert (
+        why_not(EngineSpeed, [still])
+        == f"engine_speed_rpm never moves: it stays at {np.median(still.columns['engine_speed_rpm']):g} rpm"
+    )
+    assert why_not(Grade, [still]) == "pitch_deg never moves: it stays at 0 deg"
+    _, refused = candidates([still], BARE)
+    assert Refused("grade", "pitch_deg never moves: it stays at 0 deg") in refused
+    moving = recorded(engine_speed_rpm=2050.0 + wander(SAMPLES, 0.2, 1, 40.0, 4.0))
+    assert why_not(EngineSpeed, [moving]) == ""
+
+
+def test_a_signal_that_moves_between_recordings_moves():
+    low, high = (recorded(seed, engine_speed_rpm=np.full(SAMPLES, rpm)) for seed, rpm in ((1, 1800.0), (2, 2100.0)))
+    assert "never moves" in why_not(EngineSpeed, [low])
+    assert why_not(EngineSpeed, [low, high]) == ""
+    assert why_not(EngineSpeed, [low, recorded(3)]) == "engine_speed_rpm is not recorded"
+
+
+def test_holes_and_single_spikes_are_no_movement():
+    rpm = np.full(SAMPLES, 2000.0)
+    rpm[10:60] = np.nan
+    rpm[100] = 2900.0
+    assert (
+        why_not(EngineSpeed, [recorded(engine_speed_rpm=rpm)]) == "engine_speed_rpm never moves: it stays at 2000 rpm"
+    )
+    nothing = recorded(engine_speed_rpm=np.full(SAMPLES, np.nan))
+    assert why_not(EngineSpeed, [nothing]) == "engine_speed_rpm is not recorded"
+
+
+def test_what_is_explained_already_is_no_candidate():
+    explanation = replace(with_effect(BARE, DeadZone(200.0)), structural=frozenset({"resonance"}))
+    found, refused = candidates([everything()], explanation)
+    assert {one.name for one in found} == set(EFFECTS) - {"dead_zone", "resonance"}
+    assert refused == []
+
+
+# -- credit
+
+
+def test_consequences_of_the_drive_get_less_credit_than_causes():
+    found = {one.name: one for one in candidates([everything()], BARE)[0]}
+    assert found["crop_load"].credit == CONSEQUENCES["engine_load_pct"] < 1.0
+    assert found["leakage"].credit == CONSEQUENCES["line_pressure_bar"] < 1.0
+    assert found["wheel_slip"].credit == CONSEQUENCES["wheel_speed_mps"] > 1.0
+    for name in (
+        "grade",
+        "dead_zone",
+        "engine_speed",
+        "coulomb_friction",
+        "transport_delay",
+        "resonance",
+        "gear_ratio",
+    ):
+        assert found[name].credit == 1.0
+    curves = {one.signal: one.credit for one in unnamed([everything()], BARE)}
+    assert curves["line_pressure_bar"] == BLIND["line_pressure_bar"] < FLEXIBLE
+    assert curves["engine_load_pct"] == BLIND["engine_load_pct"] < FLEXIBLE
+    assert curves["slope_deg"] == curves[INPUT] == curves[SPEED] == FLEXIBLE < 1.0
+
+
+def test_the_sensor_itself_tells_how_much_acceleration_it_shows():
+    one = recorded(pitch_deg=wander(SAMPLES, 0.2, 1, 2.0, 4.0))
+    accel = np.gradient(one.output, 0.2)
+    tilted = recorded(pitch_deg=one.columns["pitch_deg"] + np.degrees(np.arcsin(np.clip(accel / 9.81, -1.0, 1.0))))
+    for each, low, high in ((one, 0.0, 0.15), (tilted, 0.75, 1.0)):
+        (grade,) = [candidate for candidate in candidates([each], BARE)[0] if candidate.name == "grade"]
+        for grown in grade.grown(BARE):
+            (effect,) = grown.effects
+            assert isinstance(effect, Grade)
+            assert low <= effect.acceleration_share <= high
+
+
+# -- starts
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_every_start_of_an_effect_lies_in_its_bounds_away_from_neutral(name):
+    (candidate,) = [one for one in candidates([everything()], BARE)[0] if one.name == name]
+    starts = list(candidate.grown(BARE))
+    assert starts
+    for start in starts:
+        assert name in start.names
+        for effect in start.effects:
+            for key, bound in effect.parameters.items():
+                assert bound.low <= getattr(effect, key) <= bound.high
+        assert all(load == 0.0 for load in start.loads)
+        assert len(start.loads) == len(start.at(Stage.LOAD))
+    if name in ("dead_zone", "saturation", "hysteresis", "quadratic_gain"):
+        (shape,) = [key for key in EFFECTS[name].parameters if "edge" not in key and "knee" not in key]
+        values = [getattr(start.effects[0], shape) for start in starts]
+        neutral = EFFECTS[name].parameters[shape].neutral
+        assert abs(values[0] - neutral) < abs(values[1] - neutral)
+        assert values[0] != neutral
+
+
+def test_a_rate_limit_takes_the_servos_lag_over():
+    for start in EffectCandidate("rate_limit").grown(BARE):
+        (effect,) = start.effects
+        assert isinstance(effect, RateLimit)
+        assert effect.lag_s == BARE.core.lag_s
+        assert start.core.lag_s == CORE["lag_s"].low
+
+
+def test_an_effect_that_was_fitted_starts_where_it_was():
+    (start,) = EffectCandidate("dead_zone", given=DeadZone(234.5)).grown(BARE)
+    assert start.effects == (DeadZone(234.5),)
+
+
+def test_structure_starts_from_more_delay_and_from_three_frequencies():
+    delays = [one.core.delay_s for one in DelayCandidate().grown(BARE)]
+    assert delays == pytest.approx([0.3, 0.8])
+    late = replace(BARE, core=replace(BARE.core, delay_s=1.9))
+    assert [one.core.delay_s for one in DelayCandidate().grown(late)][1] == CORE["delay_s"].high
+    assert DelayCandidate().longest_delay_s == CORE["delay_s"].high
+    starts = list(ResonanceCandidate().grown(BARE))
+    assert len({one.core.resonance_hz for one in starts}) == 3
+    for one in starts:
+        assert one.structural == {"resonance"}
+        assert all(RESONANCE[name].low < getattr(one.core, name) < RESONANCE[name].high for name in RESONANCE)
+
+
+# -- in and out
+
+
+CHAIN = (Saturation(800.0), Hysteresis(40.0), Leakage(), DeadZone(200.0), RateLimit(500.0), Grade(), CoulombFriction())
+
+
+def test_effects_stand_in_the_order_in_which_the_current_meets_them():
+    explanation = BARE
+    for effect in CHAIN:
+        explanation = with_effect(explanation, effect)
+    order = ("rate_limit", "hysteresis", "dead_zone", "saturation", "grade", "coulomb_friction", "leakage")
+    assert explanation.names == order
+    backwards = BARE
+    for effect in reversed(CHAIN):
+        backwards = with_effect(backwards, effect)
+    assert backwards == explanation
+    gained = with_effect(explanation, UnnamedGain("header", 0.0, 1.0))
+    assert gained.names == (*order, "header:gain")
+
+
+def test_loads_stay_with_their_effects():
+    explanation = replace(with_effect(with_effect(BARE, Leakage()), CoulombFriction()), loads=(0.3, 0.7))
+    assert explanation.names == ("coulomb_friction", "leakage")
+    grown = with_effect(explanation, Grade())
+    assert grown.names == ("grade", "coulomb_friction", "leakage")
+    assert grown.loads == (0.0, 0.3, 0.7)
+    assert without(grown, "coulomb_friction").loads == (0.0, 0.7)
+    assert without(grown, "dead_zone") == grown
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_without_undoes_what_a_candidate_did(name):
+    present = replace(with_effect(with_effect(BARE, Hysteresis(30.0)), Leakage()), loads=(0.4,))
+    (candidate,) = [one for one in candidates([everything()], BARE)[0] if one.name == name]
+    if name in present.names:
+        assert without(present, name).names == tuple(one for one in present.names if one != name)
+        return
+    for grown in candidate.grown(present):
+        assert name in grown.names
+        bare = without(grown, name)
+        assert bare.names == present.names
+        assert bare.effects == present.effects
+        assert bare.loads == present.loads
+        assert bare.core.resonance_share == 0.0
+        assert bare.offset_mps == present.offset_mps
+
+
+def test_an_unnamed_dependence_goes_as_a_whole():
+    present = replace(with_effect(with_effect(BARE, Hysteresis(30.0)), Leakage()), loads=(0.4,))
+    for candidate in unnamed([everything()], present):
+        (grown,) = candidate.grown(present)
+        parts = [effect for effect in grown.effects if effect not in present.effects]
+        assert {owner(effect) for effect in parts} == {candidate.name}
+        assert len(parts) == (2 if candidate.signal == INPUT else 1 + len(POWERS))
+        assert without(grown, candidate.name) == present
+    assert owner(DeadZone()) == "dead_zone"
+
+
+# -- dependences without a name
+
+
+def test_every_recorded_signal_may_matter_but_those_that_are_the_speed_itself():
+    one = everything()
+    rest = Recording(
+        one.time_s,
+        {
+            **one.columns,
+            "header_height": wander(SAMPLES, 0.2, 5, 30.0, 4.0),
+            "pump_current_command_ma": one.input,
+            "still": np.ones(SAMPLES),
+        },
+        0.2,
+        "x.csv",
+    )
+    names = {candidate.name for candidate in unnamed([rest], BARE)}
+    assert {"unnamed:header_height", "unnamed:pitch_deg", f"unnamed:{INPUT}", f"unnamed:{SPEED}"} <= names
+    absent = {
+        f"unnamed:{name}" for name in (OUTPUT, "wheel_speed_mps", "pump_current_command_ma", "still", "slope_deg")
+    }
+    assert not absent & names
+    only_one = {candidate.name for candidate in unnamed([rest, one], BARE)}
+    assert names - only_one == {"unnamed:header_height"}
+
+
+def test_a_curve_spans_what_was_measured():
+    one = recorded(header=np.concatenate([np.full(5, 1e6), np.linspace(0.0, 100.0, SAMPLES - 5)]))
+    (header,) = [candidate for candidate in unnamed([one], BARE) if candidate.signal == "header"]
+    assert header.centre == pytest.approx(50.0, abs=2.0)
+    assert header.half_width == pytest.approx(48.0, abs=2.0)
+    gain = UnnamedGain("header", header.centre, header.half_width, 0.1, 0.2, 0.3)
+    z = np.array([-1.5, -1.0, 0.0, 1.0, 1.5])
+    values = header.centre + header.half_width * np.array([-9.0, -1.0, 0.0, 1.0, 9.0])
+    found, _ = gain.step(1.0, np.zeros(5), {"header": values}, None, 0.2)
+    assert pytest.approx(1.0 + 0.1 * z + 0.2 * z**2 + 0.3 * z**3) == found
+    assert abs(z[0]) == FARTHEST
+    load, _ = UnnamedLoad("header", header.centre, header.half_width, 2).step(
+        0.0, np.full(5, -5.0), {"header": values}, None, 0.2
+    )
+    assert load == pytest.approx(-(z**2))
+    at_rest, _ = UnnamedLoad("header", header.centre, header.half_width, 2).step(
+        0.0, np.zeros(5), {"header": values}, None, 0.2
+    )
+    assert at_rest == pytest.approx(np.zeros(5))
+
+
+def test_a_curve_of_the_current_is_broken_at_its_knots():
+    (candidate,) = [one for one in unnamed([recorded()], BARE) if one.signal == INPUT]
+    (grown,) = candidate.grown(BARE)
+    curve, direction = grown.effects
+    assert isinstance(curve, UnnamedCurve)
+    assert isinstance(direction, UnnamedDirection)
+    low, high = candidate.centre - candidate.half_width, candidate.centre + candidate.half_width
+    assert curve.knots_ma[0] == pytest.approx(low)
+    assert low < curve.knots_ma[-1] < high
+    u = np.linspace(low - 100.0, high + 100.0, 200)
+    same, _ = curve.step(u, u, {}, None, 0.2)
+    np.testing.assert_array_equal(same, u)
+    kinked, _ = replace(curve, p1=0.5).step(u, u, {}, None, 0.2)
+    assert kinked == pytest.approx(u + 0.5 * np.maximum(u - curve.knots_ma[1], 0.0))
+
+
+def test_the_direction_of_the_current_is_that_of_the_last_second():
+    direction = UnnamedDirection()
+    current = np.concatenate([np.full(20, 500.0), np.full(20, 700.0), np.full(40, 400.0)])
+    felt, _ = direction.over(0.0, np.zeros(80), {"pump_current_ma": current}, 0.2)
+    assert felt[:20] == pytest.approx(np.zeros(20))
+    assert felt[20] > 0.9
+    assert felt[40] < -0.9
+    assert abs(felt[39]) < 0.5
+    assert abs(felt[79]) < 0.1
+
+
+def test_what_never_moves_has_no_range():
+    assert range_of(np.full(10, 3.0)) == (3.0, 0.0)
+    assert range_of(np.full(10, np.nan)) == (0.0, 0.0)
+    rare = np.zeros(1000)
+    rare[500] = 4.0
+    assert range_of(rare) == (2.0, 2.0)

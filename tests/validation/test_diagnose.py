@@ -1,0 +1,201 @@
+"""The diagnosis names what was hidden in a drive, says nothing of nothing, and says the same when it is asked again."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cruise.effects import EFFECTS
+from cruise.effects.dead_zone import DeadZone
+from cruise.identification.structures import parse
+from cruise.validation.diagnose import (
+    ALIKE,
+    HALF_MARGIN,
+    LEAST_GAIN,
+    UNNAMED,
+    Diagnosis,
+    Verdict,
+    confidence_of,
+    diagnose,
+)
+from cruise.validation.study import Study, study
+from tests.validation.driving import GRAVITY_MPS2, drive, wander
+
+SECONDS, DT_S, PERIOD_S = 160.0, 0.1, 0.2
+SAMPLES = round(SECONDS / DT_S)
+STRUCTURE = parse("arx:na=1,nb=3,delay_s=0.4")
+PITCH = wander(SAMPLES, DT_S, 11, 2.5, 5.0)
+HEADER = 300.0 + wander(SAMPLES, DT_S, 12, 60.0, 4.0)
+
+
+def begun(**hidden) -> Study:
+    columns = {"pitch_deg": PITCH, "header_height_mm": HEADER}
+    return study([drive(SECONDS, 4, DT_S, 0.02, columns=columns, **hidden)], STRUCTURE, None, PERIOD_S)
+
+
+def found(**hidden) -> Diagnosis:
+    return diagnose(begun(**hidden))
+
+
+@pytest.fixture(scope="module")
+def nothing() -> Diagnosis:
+    return found()
+
+
+@pytest.fixture(scope="module")
+def grade() -> Diagnosis:
+    return found(load_mps=-0.35 * GRAVITY_MPS2 * np.sin(np.radians(PITCH)))
+
+
+@pytest.fixture(scope="module")
+def dead_zone() -> Diagnosis:
+    return found(command=lambda u: np.maximum(u - 400.0, 0.0))
+
+
+@pytest.fixture(scope="module")
+def unlisted() -> Diagnosis:
+    return found(load_mps=0.25 * np.cos((HEADER - 300.0) / 40.0))
+
+
+def test_where_nothing_is_missing_nothing_is_named(nothing):
+    assert nothing.verdict is Verdict.NOTHING
+    assert nothing.effects == nothing.signals == nothing.look_alikes == ()
+    assert nothing.next_experiment == ""
+    assert nothing.final is nothing.base
+    assert len(nothing.steps) == 1
+    (step,) = nothing.steps
+    assert all(one.gain < LEAST_GAIN for one in step.tried)
+    assert nothing.margin == pytest.approx(math.log((1.0 - step.tried[0].gain) / (1.0 - LEAST_GAIN)))
+
+
+def test_a_slope_that_costs_speed_is_grade(grade):
+    assert grade.verdict is Verdict.MISSING
+    assert grade.effects == ("grade",)
+    assert grade.signals == ()
+    assert grade.next_experiment == EFFECTS["grade"].about.experiment
+    (load,) = grade.final.explanation.loads
+    assert load == pytest.approx(0.35, abs=0.02)
+    assert np.sqrt(grade.final.loss) < 0.2 * np.sqrt(grade.base.loss)
+
+
+def test_a_dead_zone_is_found_by_the_current_alone(dead_zone):
+    assert dead_zone.verdict is Verdict.MISSING
+    assert dead_zone.effects == ("dead_zone",)
+    (effect,) = dead_zone.final.explanation.effects
+    assert isinstance(effect, DeadZone)
+    assert effect.threshold_ma == pytest.approx(400.0, abs=6.0)
+
+
+def test_what_depends_on_a_column_that_no_effect_reads_is_unlisted(unlisted):
+    assert unlisted.verdict is Verdict.UNLISTED
+    assert unlisted.effects == ()
+    assert unlisted.signals == ("header_height_mm",)
+    assert "header_height_mm alone" in unlisted.next_experiment
+    assert unlisted.steps[0].tried[0].name == f"{UNNAMED}header_height_mm"
+    assert np.sqrt(unlisted.final.loss) < 0.8 * np.sqrt(unlisted.base.loss)
+
+
+EVERY = pytest.mark.parametrize("which", ["nothing", "grade", "dead_zone", "unlisted"])
+
+
+@EVERY
+def test_every_candidate_was_tried_or_refused(which, request):
+    one = request.getfixturevalue(which)
+    tried = {each.name for each in one.steps[0].tried}
+    refused = {each.effect: each.reason for each in one.refused}
+    assert {name for name in tried if not name.startswith(UNNAMED)} | set(refused) == set(EFFECTS)
+    assert {name for name in tried if name.startswith(UNNAMED)} == {
+        f"{UNNAMED}{name}" for name in ("pump_current_ma", "pitch_deg", "header_height_mm", "speed_mps")
+    }
+    assert refused["engine_speed"] == "engine_speed_rpm is not recorded"
+    counted = [each.counted for each in one.steps[0].tried]
+    assert counted == sorted(counted, reverse=True)
+
+
+@EVERY
+def test_the_ranking_is_of_errors_ahead_and_its_confidences_are_shares(which, request):
+    one = request.getfixturevalue(which)
+    assert {line.effect for line in one.ranking} == {
+        t.name for t in one.steps[0].tried if not t.name.startswith(UNNAMED)
+    }
+    (before,) = {line.error_before_mps for line in one.ranking}
+    assert before == pytest.approx(one.study.search.ahead_rms_mps(one.base, 3.0))
+    assert 0.0 < one.confidence < 1.0
+    assert one.confidence == confidence_of(one.margin)
+    others = sum(line.confidence for line in one.ranking if line.effect not in one.effects)
+    named = [line for line in one.ranking if line.effect in one.effects]
+    assert all(line.confidence == one.confidence for line in named)
+    assert others <= 1.0 - one.confidence + 1e-9
+    if one.verdict is Verdict.MISSING:
+        assert one.ranking[0].effect == one.effects[0]
+        assert min(one.ranking, key=lambda line: line.error_after_mps).effect == one.effects[0]
+        assert one.ranking[0].error_after_mps < 0.6 * before
+
+
+@EVERY
+def test_verdicts_as_clear_as_these_are_sure(which, request):
+    one = request.getfixturevalue(which)
+    assert one.confidence > 0.8
+    if one.verdict is not Verdict.NOTHING:
+        best, others = one.steps[0].tried[0], one.steps[0].tried[1:]
+        if one.verdict is Verdict.UNLISTED:
+            others = [each for each in others if not each.name.startswith(UNNAMED)]
+        assert one.margin == pytest.approx(
+            min(math.log((1.0 - each.counted) / (1.0 - best.counted)) for each in others)
+        )
+        assert one.margin > ALIKE
+
+
+def test_it_says_the_same_twice_and_what_it_is_doing(dead_zone):
+    heard: list[str] = []
+    again = diagnose(begun(command=lambda u: np.maximum(u - 400.0, 0.0)), heard.append)
+    assert "trying dead_zone" in heard
+    assert "trying any dependence on header_height_mm beside dead_zone" in heard
+    assert again.ranking == dead_zone.ranking
+    assert (again.verdict, again.effects, again.margin) == (dead_zone.verdict, dead_zone.effects, dead_zone.margin)
+    for one, other in zip(again.steps[0].tried, dead_zone.steps[0].tried, strict=True):
+        assert (one.name, one.gain, one.sureness) == (other.name, other.gain, other.sureness)
+    np.testing.assert_array_equal(again.final.fit.vector, dead_zone.final.fit.vector)
+
+
+def test_what_the_model_has_is_not_missing_again():
+    """The same drive, given the dead zone."""
+    hidden = {"command": lambda u: np.maximum(u - 400.0, 0.0)}
+    columns = {"pitch_deg": PITCH}
+    with_it = parse("arx:na=1,nb=3,delay_s=0.4+dead_zone")
+    one = diagnose(study([drive(SECONDS, 4, DT_S, 0.02, columns=columns, **hidden)], with_it, None, PERIOD_S))
+    assert one.verdict is Verdict.NOTHING
+    assert "dead_zone" not in {each.name for each in one.steps[0].tried} | {each.effect for each in one.refused}
+
+
+def test_two_things_that_are_missing_are_both_named():
+    one = found(command=lambda u: np.maximum(u - 400.0, 0.0), load_mps=-0.35 * GRAVITY_MPS2 * np.sin(np.radians(PITCH)))
+    assert one.verdict is Verdict.MISSING
+    assert set(one.effects) == {"grade", "dead_zone"}
+    assert len(one.steps) == 3
+    assert one.steps[1].before.loss < one.steps[0].before.loss
+    assert np.sqrt(one.final.loss) == pytest.approx(0.02 / np.sqrt(2.0), rel=0.35)
+
+
+def test_two_signals_that_move_as_one_are_not_told_apart():
+    """Oil that warms and an engine that slows by the same curve: either explains the drive."""
+    slow = wander(SAMPLES, DT_S, 21, 1.0, 5.0)
+    gain = 1.0 - 0.08 * slow
+    columns = {"engine_speed_rpm": 2100.0 * gain, "oil_temperature_c": 50.0 + 33.0 * np.log1p((1.0 - gain) / 0.3)}
+    one = diagnose(study([drive(SECONDS, 4, DT_S, 0.02, gain=gain, columns=columns)], STRUCTURE, None, PERIOD_S))
+    assert one.verdict is Verdict.AMBIGUOUS
+    assert {"engine_speed", "oil_temperature"} <= set(one.effects)
+    assert set(one.look_alikes[0]) == set(one.effects)
+    assert all(f"{name}: {EFFECTS[name].about.experiment}." in one.next_experiment for name in one.effects)
+    assert one.margin < ALIKE
+    assert one.confidence < 0.7
+
+
+def test_confidence_rises_with_the_margin_from_nothing_to_one():
+    margins = [0.0, 0.5 * HALF_MARGIN, HALF_MARGIN, 2.0 * HALF_MARGIN, 100.0]
+    values = [confidence_of(margin) for margin in margins]
+    assert values == sorted(values)
+    assert values[0] == pytest.approx(0.0, abs=1e-6)
+    assert values[2] == pytest.approx(0.5)
+    assert values[-1] == pytest.approx(1.0, abs=1e-3)
+    assert confidence_of(-1.0) == values[0]

@@ -1,0 +1,187 @@
+"""A study lays recordings out and fits the model to them, or says in words what is in the way."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cruise.effects.dead_zone import DeadZone
+from cruise.effects.engine_speed import EngineSpeed
+from cruise.identification.regressors import FitError
+from cruise.identification.structures import parse
+from cruise.model.model import Model
+from cruise.recording import Recording
+from cruise.signals import INPUT, OUTPUT
+from cruise.validation.candidates import DelayCandidate, EffectCandidate, ResonanceCandidate
+from cruise.validation.study import candidate, discrete, study
+from tests.validation.driving import DELAY_S, GAIN, LAG_S, OFFSET_MPS, SECOND_LAG_S, VEHICLE_S, drive, wander
+
+PERIOD_S = 0.2
+PLAIN = parse("arx:na=1,nb=3,delay_s=0.4")
+
+
+def changed(one: Recording, **columns: np.ndarray) -> Recording:
+    return Recording(one.time_s, {**one.columns, **columns}, one.dt_s, one.source)
+
+
+# -- what is in the way
+
+
+def test_too_short_a_recording_is_refused():
+    with pytest.raises(
+        FitError, match=r"^37 s of the recordings can be judged, too little: record 60 s or more, in st"
+    ):
+        study([drive(40.0)], PLAIN, None, PERIOD_S)
+    with pytest.raises(FitError, match=r"in stretches of at least 11 s without a hole$"):
+        study([drive(40.0)], PLAIN, None, PERIOD_S, 5.0)
+    study([drive(40.0), drive(40.0, 1)], PLAIN, None, PERIOD_S)
+
+
+def test_a_current_that_never_changes_is_refused():
+    one = drive(100.0, dt_s=PERIOD_S)
+    still = changed(one, **{INPUT: np.full(len(one), 640.0)})
+    with pytest.raises(
+        FitError, match=r"^the current never changes, there is nothing to learn from: drive the machine"
+    ):
+        study([still], PLAIN, None, PERIOD_S)
+
+
+def test_a_speed_that_never_changes_is_refused():
+    one = drive(100.0)
+    with pytest.raises(FitError, match=r"^the speed is 1\.2 m/s throughout, there is nothing to identify"):
+        study([changed(one, **{OUTPUT: np.full(len(one), 1.2)})], PLAIN, None, PERIOD_S)
+
+
+def test_a_narx_model_is_refused():
+    with pytest.raises(FitError, match=r"^a NARX model has polynomials in place of effects: diagnose an arx, armax or"):
+        study([drive(100.0)], parse("narx1"), None, PERIOD_S)
+
+
+def test_a_recording_that_is_too_slow_is_refused():
+    with pytest.raises(FitError, match=r"drive\.csv is sampled every 0\.5 s, too slowly for a model of 0\.2 s"):
+        study([drive(100.0, dt_s=0.5)], PLAIN, None, PERIOD_S)
+
+
+def test_an_effect_of_the_model_whose_signal_is_missing_is_refused():
+    needing = parse("arx:na=1,nb=3,delay_s=0.4+engine_speed")
+    with pytest.raises(
+        FitError,
+        match=r"^the model's engine_speed can't be computed: engine_speed_rpm is not recorded; record it, or leave the ef",
+    ):
+        study([drive(100.0)], needing, None, PERIOD_S)
+    with_it = drive(100.0, columns={"engine_speed_rpm": np.full(1000, 2050.0)})
+    with pytest.raises(FitError, match="engine_speed_rpm is not recorded"):
+        study([with_it, drive(100.0, 1)], needing, None, PERIOD_S)
+    begun = study([with_it], needing, None, PERIOD_S)  # it never moves: the model may have it all the same
+    assert begun.base.explanation.names == ("engine_speed",)
+
+
+# -- what is fitted
+
+
+@pytest.fixture(scope="module")
+def plain():
+    return study([drive(200.0, 5, 0.1, 0.02)], PLAIN, None, PERIOD_S)
+
+
+def test_the_machines_numbers_are_found(plain):
+    core = plain.base.explanation.core
+    assert core.gain_mps_per_ma == pytest.approx(GAIN, rel=0.01)
+    assert core.time_constant_s == pytest.approx(VEHICLE_S, rel=0.06)
+    assert plain.base.explanation.offset_mps == pytest.approx(OFFSET_MPS, abs=0.02)
+    true_s = DELAY_S + LAG_S + SECOND_LAG_S
+    found_s = core.delay_s + core.lag_s + core.second_lag_s
+    assert true_s < found_s < true_s + 0.2  # half a period for the mean of the speed, half a sample for each lag
+    assert np.sqrt(plain.base.loss) == pytest.approx(0.02 / np.sqrt(2.0), rel=0.2)
+    assert plain.period_s == PERIOD_S
+
+
+def test_the_delay_is_no_longer_than_the_structure_can_represent():
+    one = drive(120.0, 5)
+    short = study([one], parse("arx:na=1,nb=1,delay_s=0"), None, PERIOD_S)
+    assert short.search.longest_delay_s == pytest.approx(0.1)
+    assert short.base.explanation.core.delay_s <= 0.1
+    assert study([one], parse("arx:na=1,nb=3,delay_s=0.4"), None, PERIOD_S).search.longest_delay_s == pytest.approx(0.9)
+    assert study([one], parse("arx:na=1,nb=40,delay_s=1"), None, PERIOD_S).search.longest_delay_s == 2.0
+
+
+def test_the_models_effects_are_fitted_with_the_core():
+    one = drive(160.0, 5, 0.1, 0.02, command=lambda u: np.maximum(u - 350.0, 0.0))
+    heard = []
+    begun = study([one], parse("arx:na=1,nb=3,delay_s=0.4+dead_zone"), None, PERIOD_S, show=heard.append)
+    (effect,) = begun.base.explanation.effects
+    assert isinstance(effect, DeadZone)
+    assert effect.threshold_ma == pytest.approx(350.0, abs=8.0)
+    assert heard == ["fitting the core", "fitting with dead_zone"]
+    bare = study([one], PLAIN, None, PERIOD_S)
+    assert begun.base.loss < 0.6 * bare.base.loss
+
+
+def test_the_effects_of_a_file_start_where_they_were():
+    one = drive(160.0, 5, 0.1, 0.02, command=lambda u: np.maximum(u - 350.0, 0.0))
+    structure = parse("arx:na=1,nb=3,delay_s=0.4+dead_zone")
+    file = Model(PERIOD_S, 1, 3, 2, (DeadZone(330.0),), (0.7, 3e-4, 2e-4, 2e-4, 0.05))
+    begun = study([one], structure, file, PERIOD_S)
+    (effect,) = begun.base.explanation.effects
+    assert isinstance(effect, DeadZone)
+    assert effect.threshold_ma == pytest.approx(350.0, abs=8.0)
+    assert effect.edge_ma == pytest.approx(0.0, abs=8.0)
+
+
+def test_what_recordings_say_nothing_about_is_not_fitted():
+    gear = np.where(np.arange(1000) < 500, 2.0, 3.0)
+    begun = study([drive(100.0, columns={"gear": gear})], PLAIN, None, PERIOD_S)
+    assert begun.search.fixed >= {"gear_ratio.gear_1_mps", "gear_ratio.gear_2_mps", "gear_ratio.gear_4_mps"}
+    assert "gear_ratio.gear_3_mps" not in begun.search.fixed
+    assert "grade.acceleration_share" in begun.search.fixed
+
+
+def test_columns_that_not_all_recordings_have_are_left_out():
+    both, one = drive(60.0, columns={"header": wander(600, 0.1, 1, 1.0, 4.0)}), drive(60.0, 1)
+    begun = study([both, one], PLAIN, None, PERIOD_S)
+    assert "header" not in begun.search.scene.signals
+    assert "header" in study([both, both], PLAIN, None, PERIOD_S).search.scene.signals
+
+
+def test_a_candidate_by_name(plain):
+    assert candidate(plain, "transport_delay") == DelayCandidate()
+    assert candidate(plain, "resonance") == ResonanceCandidate()
+    assert candidate(plain, "dead_zone") == EffectCandidate("dead_zone")
+    with pytest.raises(
+        FitError, match=r"^grade can't be added: pitch_deg is not recorded; record a drive in which it is"
+    ):
+        candidate(plain, "grade")
+
+
+# -- the model that drives
+
+
+def test_the_discrete_model_carries_the_standard_errors_over(plain):
+    model = discrete(plain, plain.base)
+    assert replace(model, theta_std=(), residual_std_mps=0.02) == plain.base.explanation.model(PERIOD_S)
+    slots = [slot.name for slot in plain.base.fit.layout.slots]
+    covariance = plain.search.covariance(plain.base.fit)
+    core, offset = plain.base.explanation.core, plain.base.explanation.offset_mps
+    a, t_v = core.pole(PERIOD_S), core.time_constant_s
+    lag, rest = slots.index("time_constant_s"), slots.index("offset_mps")
+    slope = a * PERIOD_S / t_v**2  # of a by T_v
+    assert model.theta_std[0] == pytest.approx(slope * np.sqrt(covariance[lag, lag]), rel=1e-3)
+    gradient = np.array([-slope * offset, 1.0 - a])
+    part = covariance[np.ix_([lag, rest], [lag, rest])]
+    assert model.theta_std[-1] == pytest.approx(np.sqrt(gradient @ part @ gradient), rel=1e-3)
+    assert len(model.theta_std) == len(model.theta)
+    assert all(std > 0.0 for std in model.theta_std)
+    one_step = plain.search.ahead_errors(plain.base.explanation, 1)
+    assert model.residual_std_mps == pytest.approx(np.sqrt(np.mean(one_step**2)))
+    assert 0.01 < model.residual_std_mps < 0.04
+
+
+def test_an_engine_speed_of_the_file_keeps_its_exponent():
+    """The shape of a given effect is fitted, from where it was."""
+    rpm = 2050.0 + wander(1600, 0.1, 9, 120.0, 4.0)
+    one = drive(160.0, 5, 0.1, 0.02, gain=rpm / 2100.0, columns={"engine_speed_rpm": rpm})
+    file = Model(PERIOD_S, 1, 3, 2, (EngineSpeed(0.8),), (0.7, 3e-4, 2e-4, 2e-4, 0.05))
+    begun = study([one], parse("arx:na=1,nb=3,delay_s=0.4+engine_speed"), file, PERIOD_S)
+    (effect,) = begun.base.explanation.effects
+    assert isinstance(effect, EngineSpeed)
+    assert effect.exponent == pytest.approx(1.0, abs=0.05)

@@ -43,7 +43,7 @@ from cruise.model.files import ModelFile, Provenance, Step
 from cruise.model.history import fields_of, history_of
 from cruise.settings import SettingsError
 from cruise.validation import ladder
-from cruise.validation.ladder import Added, Parameter
+from cruise.validation.ladder import NO_SIGN, Added, Parameter
 from cruise.validation.noise_floor import NoiseFloor
 from cruise.validation.study import Study, discrete
 
@@ -210,7 +210,10 @@ def _print(
         f"{added.error_after_mps:.4f} m/s[/bold], {f'{100 * less:.0f} % less' if less >= 0.0 else 'more than before'}"
     )
     console.print(f"noise floor: {floor_in_words(floor)}")
-    if less < LITTLE:
+    absent = any(one.name.startswith(f"{added.effect}.") and one.remark == NO_SIGN for one in fitted)
+    if absent:
+        console.print("There is no sign of it in these recordings: it was fitted to nothing, or may push one way only.")
+    elif less < LITTLE:
         console.print("It explains next to nothing of these recordings: cruise diagnose says what would.")
     console.print(_table(fitted))
     if out is None:
@@ -235,7 +238,7 @@ def _table(fitted: list[Parameter]) -> Table:
         words = heading in ("parameter", "unit")
         table.add_column(heading, justify="left" if words else "right", no_wrap=heading == "parameter")
     for one in fitted:
-        before = f"{one.before:.5g}" if one.before is not None else ""
+        before = f"{one.before:.4g}" if one.before is not None else ""
         error = one.remark or (f"{one.std:.2g}" if math.isfinite(one.std) else "-")
-        table.add_row(one.name, one.unit, before, f"{one.after:.5g}", error)
+        table.add_row(one.name, one.unit, before, f"{one.after:.4g}", error)
     return table

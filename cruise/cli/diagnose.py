@@ -70,7 +70,7 @@ def diagnose(
         destination("--picture", wanted, PICTURES)
     with Console(highlight=False, stderr=True).status("reading") as status:
         native = tables(recordings, columns_of(columns, input_name, output_name, database))
-        begun = ladder.begin(native, structure, start, core, period_s, horizon, status.update)
+        begun = ladder.begin(native, structure, start, core, period_s, horizon, status.update, at_their_rate=True)
         found = search(begun, status.update)
         status.update("weighing the evidence")
         said, floor = report(found, model, str(structure)), None
@@ -109,8 +109,8 @@ def report(found: Diagnosis, model: str, structure: str) -> dict[str, Any]:
         "look_alikes": [list(alike) for alike in found.look_alikes],
         "next_experiment": found.next_experiment,
         "confidence": _number(found.confidence),
-        "error_before_mps": _number(evidence.error_mps(found, base)),
-        "error_after_mps": _number(evidence.error_mps(found, final)),
+        "error_before_mps": _number(evidence.error_mps(base)),
+        "error_after_mps": _number(evidence.error_mps(final)),
         "horizon_s": found.study.horizon_s,
         "model": model,
         "structure": structure,

@@ -1,5 +1,6 @@
 """What `cruise diagnose` shows beside the verdict: the steps that led to it, fitted numbers with their uncertainty."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -48,22 +49,14 @@ def rung(found: Diagnosis, before: Judged, after: Judged) -> Rung:
         dropped=tuple(name for name in old if name not in new),
         before=before,
         after=after,
-        error_before_mps=error_mps(found, before),
-        error_after_mps=error_mps(found, after),
+        error_before_mps=error_mps(before),
+        error_after_mps=error_mps(after),
     )
 
 
-def error_mps(found: Diagnosis, judged: Judged) -> float:
-    """Held-out RMS in m/s `horizon_s` ahead: that of the ranking where it stands there, for it takes a while."""
-    ranked = {one.effect: one for one in found.ranking}
-    if ranked and judged is found.base:
-        return found.ranking[0].error_before_mps
-    name = next((one.name for one in found.steps[0].tried if one.judged is judged and one.name in ranked), None)
-    return (
-        found.study.search.ahead_rms_mps(judged, found.study.horizon_s)
-        if name is None
-        else ranked[name].error_after_mps
-    )
+def error_mps(judged: Judged) -> float:
+    """Held-out RMS in m/s, at least the horizon ahead."""
+    return math.sqrt(judged.loss)
 
 
 def members(explanation: Explanation) -> tuple[str, ...]:

@@ -27,6 +27,7 @@ DPI: Final = 110  # 13 inches are 1430 pixels
 STRETCH_S: Final = 60.0
 BINS: Final = 12  # of the signature, equally many samples in each
 FEWEST: Final = 5  # samples in a bin
+HEADROOM: Final = 0.25  # of the axis, for the legend
 BARS: Final = 10  # effects in the ranking
 UNIT: Final = re.compile(r" (%|s ahead|m/s)")  # not on another line than its number
 TITLE: Final = 120  # characters in a line of the title
@@ -161,6 +162,8 @@ def _signature(axis: Any, one: Rung) -> None:
     axis.set_title(f"what the model leaves, against the signature of {name}", loc="left", fontsize="medium")
     axis.set_xlabel(f"change of the predicted speed by {name} (m/s)")
     axis.set_ylabel("measured - predicted (m/s)")
+    bottom, top = axis.get_ylim()
+    axis.set_ylim(bottom, top + HEADROOM * (top - bottom))
     axis.grid(alpha=0.3)
     axis.legend(loc="upper left", fontsize="small")
 
@@ -213,9 +216,9 @@ def _ranking(figure_: Any, found: Diagnosis, floor: NoiseFloor) -> None:
     axis = figure_.subplots()
     rows = [(one.effect, one.error_after_mps, one.effect in found.effects) for one in found.ranking[:BARS]]
     unnamed = evidence.best_unnamed(found)
-    horizon_s, before = found.study.horizon_s, evidence.error_mps(found, found.base)
+    horizon_s, before = found.study.horizon_s, evidence.error_mps(found.base)
     if unnamed is not None:
-        rows.append((_called([unnamed.name]), evidence.error_mps(found, unnamed.judged), bool(found.signals)))
+        rows.append((_called([unnamed.name]), evidence.error_mps(unnamed.judged), bool(found.signals)))
     top = 1.25 * max(before, np.nanquantile([error for _, error, _ in rows], 0.5)) if rows else 1.25 * before
     for place, (_, error, chosen) in enumerate(rows):
         free = unnamed is not None and place == len(rows) - 1
@@ -226,7 +229,7 @@ def _ranking(figure_: Any, found: Diagnosis, floor: NoiseFloor) -> None:
     axis.invert_yaxis()
     axis.axvline(before, color=ORANGE, lw=1.6, ls="--", label=f"the model as it is: {figure(before)}")
     if len(found.effects) > 1 and found.verdict is Verdict.MISSING:
-        after = evidence.error_mps(found, found.final)
+        after = evidence.error_mps(found.final)
         axis.axvline(after, color=BLUE, lw=1.6, label=f"all of them: {figure(after)}")
     if floor.white is not None:
         value = floor.white.value_mps

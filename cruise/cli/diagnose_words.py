@@ -157,7 +157,7 @@ def _against(found: Diagnosis, tried: dict[str, Tried], other: str, alike: bool)
 
 
 def _error(found: Diagnosis, judged: Judged) -> str:
-    return figure(evidence.error_mps(found, judged))
+    return figure(evidence.error_mps(judged))
 
 
 def figure(value: float) -> str:
@@ -289,7 +289,7 @@ def _credit(trial: Tried) -> str:
 
 
 def _hidden(found: Diagnosis) -> list[str]:
-    share, before = hidden_share(found), evidence.error_mps(found, found.base)
+    share, before = hidden_share(found), evidence.error_mps(found.base)
     said = [
         f"an effect that moves the speed {found.study.horizon_s:g} s ahead by less than "
         f"{figure(math.sqrt(share) * before)} m/s RMS would not have been named"

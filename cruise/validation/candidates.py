@@ -25,7 +25,7 @@ from cruise.validation.unnamed import (
     range_of,
 )
 
-SHARES: Final = (0.12, 0.5)  # of the way from a shape's neutral value to its far bound
+SHARES: Final = (0.03, 0.12, 0.5)  # of the way from a shape's neutral value to its far bound
 WIDE: Final = 5.0  # ratio of the bounds from which that way is walked in ratios
 CHAIN: Final = tuple(EFFECTS)  # order in which the current meets the effects: that of the table
 SAME: Final = 0.02  # relative spread of a signal below which it never moves
@@ -177,9 +177,16 @@ def candidates(recordings: Sequence[Recording], explanation: Explanation) -> tup
             found.append(ResonanceCandidate())
         else:
             credit = min((CONSEQUENCES.get(need, 1.0) for need in kind.needs if need != OUTPUT), default=1.0)
-            known = (("acceleration_share", pitch_share(recordings)),) if name == "grade" else ()
+            known = _told(recordings) if name == "grade" else ()
             found.append(EffectCandidate(name, credit, known=known))
     return found, refused
+
+
+def _told(recordings: Sequence[Recording]) -> tuple[tuple[str, float], ...]:
+    """Shapes of the grade that no fit of the speed should find: the pitch sensor's; the mass's, where none is known."""
+    share = ("acceleration_share", pitch_share(recordings))
+    weighed = all("machine_mass_kg" in one.columns for one in recordings)
+    return (share,) if weighed else (share, ("mass_share", 0.0))
 
 
 def unnamed(recordings: Sequence[Recording], explanation: Explanation) -> list[UnnamedCandidate]:

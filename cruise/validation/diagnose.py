@@ -21,7 +21,7 @@ from cruise.validation.study import Study
 SEED: Final = 20051  # of the bootstrap
 LEAST_GAIN: Final = 0.15  # of the present loss: errors that fall by less than 8 % are a little of everything
 LEAST_SHARE: Final = 0.01  # of the first loss, for every further effect
-LEAST_FURTHER: Final = 0.20  # of the present loss, for every further effect: the form of the first is never exact
+LEAST_FURTHER: Final = 0.25  # of the present loss, for every further effect: the form of the first is never exact
 SURE: Final = 1.6  # standard errors of a held-out gain that is large already; a few blocks may hold all of it
 DOUBTED: Final = 1.4  # times LEAST_GAIN, which a consequence of the drive must bring after what is taken off its gain
 KEEP: Final = 0.5  # of LEAST_GAIN: what an effect must still bring beside the others
@@ -29,6 +29,8 @@ MOST_EFFECTS: Final = 4
 ALIKE: Final = 0.03  # log of the ratio of two losses below which no form of a model is exact enough to decide
 HALF_MARGIN: Final = 0.06  # margin at which a verdict is as often right as wrong
 STEEPNESS: Final = 1.3
+SILENCE: Final = 6.0  # weight of the distance to LEAST_GAIN, which is short, beside the margins between effects
+FINISHED: Final = 10  # candidates whose fits are carried to their end; the others are far off after a few steps
 EACH: Final = 0.93  # of what several effects explain together that counts, for each after the first
 RIVALS: Final = 6  # alternatives for which an effect is exchanged once all are together
 UNNAMED: Final = "unnamed:"
@@ -64,7 +66,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Ranked:
-    """An effect's line in the ranking: held-out RMS `horizon_s` ahead of the discrete models without and with it."""
+    """An effect's line in the ranking: held-out RMS, at least `horizon_s` ahead, without and with it."""
 
     effect: str
     error_before_mps: float
@@ -104,7 +106,7 @@ def diagnose(study: Study, show: Show = lambda text: None) -> Diagnosis:
     alike = tuple((one.name, *one.alike) for one in places if one.alike)
     margin = min((one.margin for one in places), default=_margin_of_silence(steps[0], unlisted))
     confidence = confidence_of(margin)
-    ranking = _ranking(study, base, steps[0], named, confidence)
+    ranking = _ranking(base, steps[0], named, confidence)
     verdict, effects, signals, words = Verdict.MISSING, named, (), ""
     if not chosen:
         verdict = Verdict.NOTHING
@@ -160,7 +162,10 @@ def _forward(
         fits = []
         for candidate in everyone:
             show(f"trying {_in_words(candidate.name)}" + (f" beside {', '.join(chosen)}" if chosen else ""))
-            fits.append(search.grown(present.explanation, candidate))
+            fits.append(search.begun(present.explanation, candidate))
+        for i in np.argsort([one.cost for one in fits])[:FINISHED].tolist():
+            show(f"finishing {_in_words(everyone[i].name)}")
+            fits[i] = search.finished(fits[i])
         if not steps:
             search.learn_disturbance(present.fit, fits)
             base = present = search.judged("", present.fit)
@@ -257,19 +262,19 @@ def _margin_of_silence(first: Step, unlisted: bool) -> float:
         mine = first.tried[0]
         best = max((one.counted for one in first.tried if not one.name.startswith(UNNAMED)), default=0.0)
         return math.log((1.0 - best) / (1.0 - mine.counted))
-    return math.log((1.0 - first.tried[0].gain) / (1.0 - LEAST_GAIN)) if first.tried else 1.0
+    room = math.log((1.0 - first.tried[0].gain) / (1.0 - LEAST_GAIN)) if first.tried else 1.0
+    return max(SILENCE * room, HALF_MARGIN)  # a gain that is large and not sure: as likely as not
 
 
-def _ranking(study: Study, base: Judged, first: Step, chosen: Sequence[str], confidence: float) -> tuple[Ranked, ...]:
-    search, horizon_s = study.search, study.horizon_s
-    before = search.ahead_rms_mps(base, horizon_s)  # with the whole recording's structure, every sample held out
+def _ranking(base: Judged, first: Step, chosen: Sequence[str], confidence: float) -> tuple[Ranked, ...]:
+    before = math.sqrt(base.loss)
     named = [one for one in first.tried if not one.name.startswith(UNNAMED)]
     weights = {one.name: math.exp(min(one.counted, 1.0) / ALIKE) for one in named}
     total = sum(weights.values())
     lines = []
     for one in named:
         mine = confidence if one.name in chosen else (1.0 - confidence) * weights[one.name] / total
-        lines.append(Ranked(one.name, before, search.ahead_rms_mps(one.judged, horizon_s), mine))
+        lines.append(Ranked(one.name, before, math.sqrt(one.judged.loss), mine))
     return tuple(lines)
 
 

@@ -22,6 +22,7 @@ from cruise.validation.simulation import Scene
 
 STEP: Final = 1e-4  # of a parameter's range, for the differences
 TOLERANCE: Final = 1e-4  # relative change of cost and parameters at which a fit has ended
+INSIDE: Final = 1e-2  # of a typical change, by which a fit starts inside its bounds
 MOST_STEPS: Final = 25
 RAN_AWAY_MPS: Final = 1e3  # m/s, an error beyond which no more is to be learned
 FAR: Final = 1e3  # bounds of coefficients, in units of their own scale
@@ -161,7 +162,7 @@ def fit(scene: Scene, plan: Layout, whiten: Callable[[np.ndarray], np.ndarray], 
     """The least squares fit from where the plan starts."""
     objective = Objective(scene, plan, whiten)
     low, high = plan.bounds
-    room = 1e-9 * plan.scale
+    room = np.minimum(INSIDE * plan.scale, 0.25 * (high - low))  # on a bound the solver would stand still
     start = np.clip(plan.vector, low + room, high - room)
     found = optimize.least_squares(
         objective.residual,

@@ -27,6 +27,7 @@ from cruise.validation.simulation import WARM_UP_S
 from cruise.validation.study import Show, Study, candidate, discrete, study
 from cruise.validation.terms import check_term, defined, term_candidate
 
+NO_SIGN: Final = "no sign"  # remark on what was fitted to nothing
 AT_BOUND: Final = 1e-3  # of a parameter's range
 NOTHING: Final = 1e-6  # in m/s per unit of phi, and of a parameter's range: no sign of it
 
@@ -65,18 +66,21 @@ def begin(
     period_s: float,
     horizon_s: float = WARM_UP_S,
     show: Show = lambda text: None,
+    at_their_rate: bool = False,
 ) -> Study:
-    """The study of a model, with all that it holds: terms of the user's own, and what lives in its core."""
-    further: list[Candidate] = [candidate(name, recordings) for name in (core.effects if core else ())]
+    """The study of a model, with all that it holds: terms of the user's own, and what lives in its core.
+
+    Without `at_their_rate` it is fitted as the discrete model that drives: from means over the period.
+    """
+    further: list[Candidate] = []
     if file is not None:
         for term in structure.custom:
             check_term(term, recordings)
-        begun = study(recordings, structure, file, period_s, horizon_s, show)
-        further: list[Candidate] = []
+        begun = study(recordings, structure, file, period_s, horizon_s, show, at_their_rate)
     else:  # a term that was never fitted has no shape to begin from
         own = {term.name for term in structure.custom}
         bare = replace(structure, effects=tuple(name for name in structure.effects if name not in own), custom=())
-        begun = study(recordings, bare, None, period_s, horizon_s, show)
+        begun = study(recordings, bare, None, period_s, horizon_s, show, at_their_rate)
         further = [term_candidate(term, begun.recordings) for term in structure.custom]
     further += [candidate(name, begun.recordings) for name in (core.effects if core else ())]
     for one in further:
@@ -164,9 +168,9 @@ def parameters(study: Study, added: Added) -> list[Parameter]:
         if (slot.name == "load" and abs(value) < NOTHING) or (
             slot.owner in shapes and bound is not None and abs(value - bound.neutral) < NOTHING * room
         ):
-            remark = "no sign of it"
+            remark = NO_SIGN
         elif bound is not None and min(value - slot.low, slot.high - value) < AT_BOUND * room:
-            remark = "at its bound"
+            remark = "at bound"
         found.append(Parameter(name, unit, before.get((slot.owner, slot.name)), value, error, remark))
     return found
 

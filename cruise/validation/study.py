@@ -12,7 +12,7 @@ import numpy as np
 
 from cruise.effects import EFFECTS, Effect
 from cruise.identification.preparation import at_period
-from cruise.identification.regressors import FitError
+from cruise.identification.regressors import UNCHANGED, FitError
 from cruise.identification.structures import Family, Structure
 from cruise.model.core import Core
 from cruise.model.model import Model
@@ -50,8 +50,13 @@ def study(
     period_s: float,
     horizon_s: float = WARM_UP_S,
     show: Show = lambda text: None,
+    at_their_rate: bool = True,
 ) -> Study:
-    """The model, or structure, fitted to the recordings as an explanation. FitError says what is in the way."""
+    """The model, or structure, fitted to the recordings as an explanation. FitError says what is in the way.
+
+    `at_their_rate`: what reshapes and delays the current is computed at the rate of the recordings, which tells effects
+    apart best; else from means over the period, as the discrete model does that drives.
+    """
     if structure.family is Family.NARX:
         raise FitError("a NARX model has polynomials in place of effects: diagnose an arx, armax or oe model")
     prepared = at_period(recordings, period_s)
@@ -61,21 +66,24 @@ def study(
         if reason and "never moves" not in reason:
             raise FitError(f"the model's {effect.name} can't be computed: {reason}; record it, or leave the effect out")
     shared = set.intersection(*(set(one.columns) for one in prepared))
-    scene = Scene(prepared, sorted(shared | {OUTPUT}), recordings, horizon_s)
-    if scene.judged.sum() * period_s < SHORTEST_S:
-        raise FitError(
-            f"{scene.judged.sum() * period_s:.0f} s of the recordings can be judged, too little: record "
-            f"{SHORTEST_S:g} s or more, in stretches of at least {horizon_s + JUDGED_S:g} s without a hole"
-        )
+    scene = Scene(prepared, sorted(shared | {OUTPUT}), recordings if at_their_rate else None, horizon_s)
     known = np.isfinite(scene.current_ma) & np.isfinite(scene.speed_mps)
-    if np.ptp(scene.current_ma[known]) == 0.0:
+    if not known.any():
+        raise FitError("no sample has both current and speed: choose other columns with --input and --output")
+    if np.ptp(scene.current_ma[known]) <= UNCHANGED * np.abs(scene.current_ma[known]).max():
         raise FitError(
             "the current never changes, there is nothing to learn from: drive the machine, or choose --input"
         )
     slope = float(np.polyfit(scene.current_ma[known], scene.speed_mps[known], 1)[0])
-    longest_s = min((structure.delay_s or 0.0) + (structure.nb - 0.5) * period_s, 2.0)
+    longest_s = min(structure.delay_s + max(structure.nb - 0.5, 0.5) * period_s, 2.0)
     search = Search(scene, longest_s, max(abs(slope) / 3.0, 1e-6), _fixed(effects, prepared))
     explanation = Explanation(replace(START, gain_mps_per_ma=slope, delay_s=min(START.delay_s, 0.5 * longest_s)))
+    judged_s = np.isfinite(scene.errors([explanation])).sum() * period_s
+    if judged_s < SHORTEST_S:
+        raise FitError(
+            f"{judged_s:.0f} s of the recordings can be judged, too little: record "
+            f"{SHORTEST_S:g} s or more, in stretches of at least {horizon_s + JUDGED_S:g} s without a hole"
+        )
     show("fitting the core")
     found = search.fitted(explanation)
     for effect in effects:
@@ -120,5 +128,7 @@ def _fixed(effects: Sequence[Effect], recordings: Sequence[Recording]) -> frozen
             gear = one.columns["gear"]
             driven |= {int(value) for value in np.unique(gear[np.isfinite(gear)])}
     unknown = {f"gear_ratio.gear_{i}_mps" for i in (1, 2, 3, 4) if i not in driven}
+    if not all("machine_mass_kg" in one.columns for one in recordings):
+        unknown.add("grade.mass_share")
     reference = {"gear_ratio.gear_2_mps", "grade.acceleration_share"}
     return frozenset(unknown | reference)

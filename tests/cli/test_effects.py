@@ -76,7 +76,7 @@ def test_json_is_json_and_nothing_else(verb):
     [
         (["hysterisis"], "no effect is called hysterisis; did you mean hysteresis?"),
         (["ENGINE-SPEED"], "did you mean engine_speed?"),
-        (["zzz"], "known: saturation, dead_zone"),
+        (["zzz"], "known: rate_limit, hysteresis"),
         (["--picture", "p.png"], "name the effect to draw"),
         (["grade", "--picture", "p.txt"], "let the name end in .png"),
     ],
@@ -137,7 +137,7 @@ def test_curves_stand_at_neutral_a_quarter_and_half_of_the_way():
         return [getattr(one.effect, parameter) for one in effects_picture.curves(ALL[name])]
 
     assert of("hysteresis", "width_ma") == [0.0, 100.0, 200.0]
-    assert of("rate_limit", "rate_ma_per_s") == pytest.approx([5000.0, 5000 * 0.1**0.5, 500.0])
+    assert of("rate_limit", "rate_ma_per_s") == pytest.approx([10000.0, 1e4 * 0.005**0.25, 1e4 * 0.005**0.5])
     assert of("oil_temperature", "loss_share") == [0.0, 0.1, 0.2]
     gears = effects_picture.curves(ALL["gear_ratio"])[-1].effect
     tops = [getattr(gears, f"gear_{i}_mps") for i in (1, 2, 3, 4)]

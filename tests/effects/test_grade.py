@@ -39,7 +39,7 @@ def test_a_mass_that_is_not_measured_is_that_of_the_empty_machine():
 def test_on_level_ground_a_pitch_that_is_all_acceleration_is_no_slope(share, left):
     effect, accel_mps2, dt_s = Grade(acceleration_share=share, filter_s=1.0), 0.8, 0.2
     pitch_deg = math.degrees(math.asin(accel_mps2 / 9.81))
-    state = effect.start(0.0)
+    pull, state = 0.0, effect.start(0.0)
     for k in range(60):
         signals = {"pitch_deg": pitch_deg, "ground_speed_mps": accel_mps2 * dt_s * k}
         pull, state = effect.step(0.0, 0.0, signals, state, dt_s)

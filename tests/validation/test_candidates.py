@@ -25,7 +25,6 @@ from cruise.validation.candidates import (
     EffectCandidate,
     Refused,
     ResonanceCandidate,
-    UnnamedCandidate,
     candidates,
     owner,
     unnamed,

@@ -19,7 +19,7 @@ ONE = Explanation(Core(2.5e-3, 0.3, 0.15, 0.6), EFFECTS, (0.4, 0.2, 0.7), 0.1, f
 
 
 def test_it_lists_what_it_holds_and_where():
-    assert ONE.names == tuple(effect.name for effect in EFFECTS) + ("resonance",)
+    assert ONE.names == (*(effect.name for effect in EFFECTS), "resonance")
     assert ONE.at(Stage.COMMAND) == (0,)
     assert ONE.at(Stage.GAIN) == (1,)
     assert ONE.at(Stage.LOAD) == (2, 3, 5)

@@ -217,7 +217,9 @@ def test_no_number_leaves_its_bounds():
             assert slot.low <= value <= slot.high, key
     assert found.explanation.core.delay_s == pytest.approx(0.1, abs=0.002)
     assert found.explanation.loads[0] == pytest.approx(0.0, abs=1e-3)
-    assert found.explanation.effects[0] == Hysteresis(pytest.approx(0.0, abs=0.1))
+    (hysteresis, _) = found.explanation.effects
+    assert isinstance(hysteresis, Hysteresis)
+    assert hysteresis.width_ma == pytest.approx(0.0, abs=0.1)
 
 
 def test_a_layout_and_its_vector_are_one_explanation():

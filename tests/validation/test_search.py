@@ -112,6 +112,8 @@ def test_every_fold_has_the_numbers_that_a_fit_without_it_finds(monkeypatch):
     judged = search.judged("dead_zone", found)
     plan = replace(found.layout, start=found.explanation)
     assert len(judged.folds) == FOLDS
+    linear = [i for i, slot in enumerate(plan.slots) if slot.name in ("gain_mps_per_ma", "offset_mps")]
+    left = []
     for fold, vector in enumerate(judged.folds):
 
         def unheld(errors: np.ndarray, held: np.ndarray = search.blocks % FOLDS == fold) -> np.ndarray:
@@ -124,6 +126,12 @@ def test_every_fold_has_the_numbers_that_a_fit_without_it_finds(monkeypatch):
         )
         assert step < full
         assert step < exact + 0.001 * full
+        pulls = []
+        for one in (found.vector, vector):
+            error, slopes = objective.differences(one)
+            pulls.append((slopes * plan.scale)[:, linear].T @ error)
+        left.append(np.abs(pulls[1]) / np.abs(pulls[0]))
+    assert np.all(np.median(left, axis=0) < 0.08)  # a sixth would be left by a step that counts the held-out part
 
 
 def test_every_sample_is_judged_by_the_fold_that_has_not_seen_it():

@@ -37,8 +37,9 @@ def test_too_short_a_recording_is_refused():
     study([drive(40.0), drive(40.0, 1)], PLAIN, None, PERIOD_S)
 
 
-def test_a_current_that_never_changes_is_refused():
-    one = drive(100.0, dt_s=PERIOD_S)
+@pytest.mark.parametrize("dt_s", [0.1, 0.2])
+def test_a_current_that_never_changes_is_refused(dt_s):
+    one = drive(100.0, dt_s=dt_s)
     still = changed(one, **{INPUT: np.full(len(one), 640.0)})
     with pytest.raises(
         FitError, match=r"^the current never changes, there is nothing to learn from: drive the machine"
@@ -66,7 +67,7 @@ def test_an_effect_of_the_model_whose_signal_is_missing_is_refused():
     needing = parse("arx:na=1,nb=3,delay_s=0.4+engine_speed")
     with pytest.raises(
         FitError,
-        match=r"^the model's engine_speed can't be computed: engine_speed_rpm is not recorded; record it, or leave the ef",
+        match=r"^the model's engine_speed can't be computed: engine_speed_rpm is not recorded; record it, or leave",
     ):
         study([drive(100.0)], needing, None, PERIOD_S)
     with_it = drive(100.0, columns={"engine_speed_rpm": np.full(1000, 2050.0)})
@@ -144,13 +145,13 @@ def test_columns_that_not_all_recordings_have_are_left_out():
 
 
 def test_a_candidate_by_name(plain):
-    assert candidate(plain, "transport_delay") == DelayCandidate()
-    assert candidate(plain, "resonance") == ResonanceCandidate()
-    assert candidate(plain, "dead_zone") == EffectCandidate("dead_zone")
+    assert candidate("transport_delay", plain.recordings) == DelayCandidate()
+    assert candidate("resonance", plain.recordings) == ResonanceCandidate()
+    assert candidate("dead_zone", plain.recordings) == EffectCandidate("dead_zone")
     with pytest.raises(
         FitError, match=r"^grade can't be added: pitch_deg is not recorded; record a drive in which it is"
     ):
-        candidate(plain, "grade")
+        candidate("grade", plain.recordings)
 
 
 # -- the model that drives

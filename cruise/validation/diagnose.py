@@ -29,8 +29,10 @@ MOST_EFFECTS: Final = 4
 ALIKE: Final = 0.03  # log of the ratio of two losses below which no form of a model is exact enough to decide
 HALF_MARGIN: Final = 0.06  # margin at which a verdict is as often right as wrong
 STEEPNESS: Final = 1.3
+LEAST_MARGIN: Final = 0.006  # where another does better in its place: seldom right, and not never
 SILENCE: Final = 6.0  # weight of the distance to LEAST_GAIN, which is short, beside the margins between effects
 FINISHED: Final = 10  # candidates whose fits are carried to their end; the others are far off after a few steps
+RESTARTED: Final = 3  # of them, that are fitted once more from another core
 EACH: Final = 0.93  # of what several effects explain together that counts, for each after the first
 RIVALS: Final = 6  # alternatives for which an effect is exchanged once all are together
 UNNAMED: Final = "unnamed:"
@@ -138,7 +140,7 @@ def diagnose(study: Study, show: Show = lambda text: None) -> Diagnosis:
 
 def confidence_of(margin: float) -> float:
     """How often a verdict with this margin is right, by blind trials (tools/blind_trial): 1 / (1 + (M / m)^k)."""
-    return 1.0 / (1.0 + (HALF_MARGIN / max(margin, 1e-9)) ** STEEPNESS)
+    return 1.0 / (1.0 + (HALF_MARGIN / max(margin, LEAST_MARGIN)) ** STEEPNESS)
 
 
 def _forward(
@@ -166,6 +168,9 @@ def _forward(
         for i in np.argsort([one.cost for one in fits])[:FINISHED].tolist():
             show(f"finishing {_in_words(everyone[i].name)}")
             fits[i] = search.finished(fits[i])
+        for i in np.argsort([one.cost for one in fits])[:RESTARTED].tolist():
+            other = search.grown_anew(present.explanation, everyone[i])
+            fits[i] = min(fits[i], other, key=lambda one: one.cost)
         if not steps:
             search.learn_disturbance(present.fit, fits)
             base = present = search.judged("", present.fit)

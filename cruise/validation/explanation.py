@@ -13,6 +13,7 @@ from cruise.model.core import Core, discretised
 from cruise.model.model import Model
 
 LONGEST_LAG_S: Final = 2.0  # s, of the actuator; slower belongs to the vehicle
+START: Final = Core(0.0, 0.3, 0.15, 0.6, 0.05)  # a machine of this class; the gain comes from the recordings
 CORE: Final[Mapping[str, Parameter]] = {
     "gain_mps_per_ma": Parameter("m/s per mA", -1.0, 1.0, 0.0, "steady speed per mA of drive"),
     "delay_s": Parameter("s", 0.0, 2.0, 0.3, "dead time between current and drive"),

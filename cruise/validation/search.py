@@ -17,7 +17,7 @@ import numpy as np
 from cruise.model import prediction
 from cruise.validation.candidates import Candidate
 from cruise.validation.disturbance import Disturbance, disturbance_of
-from cruise.validation.explanation import Explanation
+from cruise.validation.explanation import CORE, START, Explanation
 from cruise.validation.fitting import RAN_AWAY_MPS, Fit, Layout, Objective, fit, layout
 from cruise.validation.simulation import Scene
 
@@ -91,6 +91,13 @@ class Search:
     def finished(self, begun: Fit) -> Fit:
         """The fit carried on to its end."""
         return fit(self.scene, replace(begun.layout, start=begun.explanation), _as_it_is, ORDINARY_STEPS)
+
+    def grown_anew(self, explanation: Explanation, candidate: Candidate) -> Fit:
+        """`grown` with the lags' time in the vehicle at first: data say how slow all of them are before which."""
+        core = explanation.core
+        slow_s = min(core.lag_s + core.second_lag_s + core.time_constant_s, CORE["time_constant_s"].high)
+        anew = replace(core, lag_s=START.lag_s, second_lag_s=START.second_lag_s, time_constant_s=slow_s)
+        return self.grown(replace(explanation, core=anew), candidate)
 
     def judged(self, name: str, found: Fit) -> Judged:
         """Held-out errors: for every fold the parameters move to where the rest of the recording wants them."""

@@ -14,16 +14,14 @@ from cruise.effects import EFFECTS, Effect
 from cruise.identification.preparation import at_period
 from cruise.identification.regressors import UNCHANGED, FitError
 from cruise.identification.structures import Family, Structure
-from cruise.model.core import Core
 from cruise.model.model import Model
 from cruise.recording import Recording
 from cruise.signals import OUTPUT
 from cruise.validation.candidates import Candidate, EffectCandidate, candidates, why_not
-from cruise.validation.explanation import Explanation
+from cruise.validation.explanation import START, Explanation
 from cruise.validation.search import Judged, Search
 from cruise.validation.simulation import JUDGED_S, WARM_UP_S, Scene
 
-START: Final = Core(0.0, 0.3, 0.15, 0.6, 0.05)  # a machine of this class; the gain comes from the recordings
 SHORTEST_S: Final = 60.0  # s of data in which anything can be judged held-out
 
 Show = Callable[[str], None]

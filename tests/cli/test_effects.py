@@ -76,7 +76,7 @@ def test_json_is_json_and_nothing_else(verb):
     [
         (["hysterisis"], "no effect is called hysterisis; did you mean hysteresis?"),
         (["ENGINE-SPEED"], "did you mean engine_speed?"),
-        (["zzz"], "known: rate_limit, hysteresis"),
+        (["zzz"], "known: "),
         (["--picture", "p.png"], "name the effect to draw"),
         (["grade", "--picture", "p.txt"], "let the name end in .png"),
     ],

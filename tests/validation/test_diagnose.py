@@ -200,7 +200,7 @@ def test_confidence_rises_with_the_margin_from_nothing_to_one():
     margins = [0.0, 0.5 * HALF_MARGIN, HALF_MARGIN, 2.0 * HALF_MARGIN, 100.0]
     values = [confidence_of(margin) for margin in margins]
     assert values == sorted(values)
-    assert values[0] == pytest.approx(0.0, abs=1e-6)
+    assert 0.0 < values[0] < 0.06
     assert values[2] == pytest.approx(0.5)
     assert values[-1] == pytest.approx(1.0, abs=1e-3)
     assert confidence_of(-1.0) == values[0]

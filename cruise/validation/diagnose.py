@@ -27,8 +27,8 @@ DOUBTED: Final = 1.4  # times LEAST_GAIN, which a consequence of the drive must 
 KEEP: Final = 0.5  # of LEAST_GAIN: what an effect must still bring beside the others
 MOST_EFFECTS: Final = 4
 ALIKE: Final = 0.03  # log of the ratio of two losses below which no form of a model is exact enough to decide
-HALF_MARGIN: Final = 0.06  # margin at which a verdict is as often right as wrong
-STEEPNESS: Final = 1.3
+HALF_MARGIN: Final = 0.06  # margin taken to be as often right as wrong: by eye, not yet by tools/blind_trial calibrate
+STEEPNESS: Final = 1.3  # likewise
 LEAST_MARGIN: Final = 0.006  # where another does better in its place: seldom right, and not never
 SILENCE: Final = 6.0  # weight of the distance to LEAST_GAIN, which is short, beside the margins between effects
 FINISHED: Final = 10  # candidates whose fits are carried to their end; the others are far off after a few steps
@@ -139,7 +139,7 @@ def diagnose(study: Study, show: Show = lambda text: None) -> Diagnosis:
 
 
 def confidence_of(margin: float) -> float:
-    """How often a verdict with this margin is right, by blind trials (tools/blind_trial): 1 / (1 + (M / m)^k)."""
+    """Confidence of a margin m, 1 / (1 + (M / m)^k); M and k are set by eye until blind trials have fitted them."""
     return 1.0 / (1.0 + (HALF_MARGIN / max(margin, LEAST_MARGIN)) ** STEEPNESS)
 
 

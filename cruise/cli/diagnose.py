@@ -146,7 +146,13 @@ def report(found: Diagnosis, model: str, structure: str) -> dict[str, Any]:
             for one in evidence.rungs(found)
         ],
         "tried": [
-            {"effect": one.name, "gain": _number(one.gain), "standard_errors": _number(one.sureness)}
+            {
+                "effect": one.name,
+                "gain": _number(one.gain),
+                "standard_errors": _number(one.sureness),
+                "evidence": _number(one.evidence),
+                "counts": one.credit,
+            }
             for one in found.steps[0].tried
         ],
         "dependence": _dependence(found),

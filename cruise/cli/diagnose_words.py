@@ -18,7 +18,7 @@ from cruise.cli.diagnose_evidence import SURE, Number
 from cruise.cli.effects import headline
 from cruise.cli.reading import NOTES_SHOWN, count_of, notes_of
 from cruise.effects import EFFECTS
-from cruise.validation.diagnose import LEAST_GAIN, SEED, UNNAMED, Diagnosis, Tried, Verdict
+from cruise.validation.diagnose import ENOUGH, LEAST_GAIN, SEED, UNNAMED, Diagnosis, Tried, Verdict
 from cruise.validation.noise_floor import NoiseFloor
 from cruise.validation.search import Judged, sureness
 
@@ -149,8 +149,7 @@ def _against(found: Diagnosis, tried: dict[str, Tried], other: str, alike: bool)
     if alike:
         return f"can't be told apart, {errors}"
     apart = sureness(its.judged, mine.judged, np.random.default_rng(SEED))
-    credit = its.counted / its.gain if its.gain > 0.0 else 1.0
-    moved = f"; it answers to the drive itself and counts for {100 * credit:.0f} %" if credit < 0.999 else ""
+    moved = f"; it answers to the drive itself and counts for {100 * its.credit:.0f} %" if its.credit < 1.0 else ""
     if apart < SURE:
         return f"leaves {errors}, too close for the errors to decide ({apart:+.1f} standard errors){moved}"
     return f"leaves {errors}, {apart:.1f} standard errors apart{moved}"
@@ -255,7 +254,7 @@ def _ranking(console: Console, found: Diagnosis) -> None:
     study = found.study
     before = found.ranking[0].error_before_mps if found.ranking else math.nan
     title = f"each effect alone beside the model, {study.horizon_s:g} s ahead, held out; without: {figure(before)} m/s"
-    table = _table(title, "effect", "error m/s", "explains %", "t", "confidence", "")
+    table = _table(title, "effect", "error m/s", "explains %", "t", "evidence", "confidence", "")
     tried = {one.name: one for one in found.steps[0].tried}
     for one in found.ranking[:LINES]:
         trial = tried[one.effect]
@@ -263,18 +262,19 @@ def _ranking(console: Console, found: Diagnosis) -> None:
         later = f"in step {step}" if step > 1 and found.verdict is Verdict.MISSING else ""
         table.add_row(
             one.effect, figure(one.error_after_mps), f"{round(100 * trial.gain)}", f"{trial.sureness:.1f}",
-            confidence(one.confidence), _credit(trial) or later,
+            f"{trial.evidence:.0f}", confidence(one.confidence), _credit(trial) or later,
         )  # fmt: skip
     unnamed = evidence.best_unnamed(found)
     if unnamed is not None:
         name = f"any curve of {unnamed.name.removeprefix(UNNAMED)}"
         table.add_row(
             name, _error(found, unnamed.judged), f"{round(100 * unnamed.gain)}",
-            f"{unnamed.sureness:.1f}", "", "no physics", style="dim",
+            f"{unnamed.sureness:.1f}", f"{unnamed.evidence:.0f}", "", "no physics", style="dim",
         )  # fmt: skip
     console.print()
     console.print(table)
     _print(console, "t: standard errors by which the squared error fell, over blocks of time")
+    _print(console, f"evidence: beside a little of every other effect; {ENOUGH:g} is enough for a name")
     rest = len(found.ranking) - LINES
     if rest > 0:
         _print(console, f"and {count_of(rest, 'effect')} more that explain less (--json has them all)")
@@ -283,9 +283,7 @@ def _ranking(console: Console, found: Diagnosis) -> None:
 
 
 def _credit(trial: Tried) -> str:
-    return (
-        f"counts {100 * trial.counted / trial.gain:.0f} %" if trial.gain > 0.01 and trial.counted < trial.gain else ""
-    )
+    return f"counts {100 * trial.credit:.0f} %" if trial.credit < 1.0 else ""
 
 
 def _hidden(found: Diagnosis) -> list[str]:

@@ -25,21 +25,17 @@ from cruise.validation.unnamed import (
     range_of,
 )
 
-SHARES: Final = (0.03, 0.12, 0.5)  # of the way from a shape's neutral value to its far bound
+SHARES: Final = (0.03, 0.08, 0.18, 0.35, 0.55, 0.8)  # of the way from a shape's neutral value to its far bound
 WIDE: Final = 5.0  # ratio of the bounds from which that way is walked in ratios
 CHAIN: Final = tuple(EFFECTS)  # order in which the current meets the effects: that of the table
 SAME: Final = 0.02  # relative spread of a signal below which it never moves
-CONSEQUENCES: Final[Mapping[str, float]] = {
-    # Engine load and line pressure answer to the drive itself: given them, anything looks explained.
-    "engine_load_pct": 0.85,
-    "line_pressure_bar": 0.35,  # the pressure holds every force there is, felt through the drive's own softness
-    # Slip that is measured is there: nothing else makes wheel and ground speed differ.
-    "wheel_speed_mps": 1.1,
-}
-"""How much of its gain a candidate with this signal may keep when it is compared with others."""
+CONSEQUENCES: Final[Mapping[str, float]] = {"engine_load_pct": 0.85}
+"""Share of its evidence that an effect may keep whose signal answers to the drive itself: given it, anything looks
+explained."""
+MEDIATORS: Final = ("leakage",)
+"""Effects through whose signal every force acts, so that it holds what all the others do."""
 BLIND: Final[Mapping[str, float]] = {"engine_load_pct": 0.6, "line_pressure_bar": 0.35}
 """The same for a dependence without physics on what the drive itself moves: it would read the answer off it."""
-FLEXIBLE: Final = 0.85  # the same for a dependence without physics: any curve fits better than the right one with noise
 
 
 class Candidate(Protocol):
@@ -140,7 +136,7 @@ class UnnamedCandidate:
     signal: str
     centre: float
     half_width: float
-    credit: float = FLEXIBLE
+    credit: float = 1.0
     longest_delay_s: float | None = None
 
     @property
@@ -205,7 +201,7 @@ def unnamed(recordings: Sequence[Recording], explanation: Explanation) -> list[U
         centre, half_width = range_of(np.concatenate(values))
         if half_width > 0.0:
             read = SLOPE if signal == PITCH else signal
-            found.append(UnnamedCandidate(read, centre, half_width, BLIND.get(signal, FLEXIBLE)))
+            found.append(UnnamedCandidate(read, centre, half_width, BLIND.get(signal, 1.0)))
     return found
 
 

@@ -14,27 +14,34 @@ from typing import Final
 import numpy as np
 
 from cruise.effects import EFFECTS
-from cruise.validation.candidates import FLEXIBLE, Candidate, Refused, candidates, unnamed, without
+from cruise.validation.background import Background
+from cruise.validation.candidates import MEDIATORS, Candidate, Refused, candidates, unnamed, without
 from cruise.validation.search import Judged, gain, sureness
+from cruise.validation.slip import slip_mps
 from cruise.validation.study import Study
 
 SEED: Final = 20051  # of the bootstrap
-LEAST_GAIN: Final = 0.15  # of the present loss: errors that fall by less than 8 % are a little of everything
+ENOUGH: Final = 60.0  # evidence from which an effect is more than a little of everything,
+FURTHER: Final = 75.0  # and a further one, as no form of the first is exact
+LEAST_GAIN: Final = 0.15  # of the present loss: errors that fall by less than 8 % are not worth a name
 LEAST_SHARE: Final = 0.01  # of the first loss, for every further effect
 LEAST_FURTHER: Final = 0.25  # of the present loss, for every further effect: the form of the first is never exact
-SURE: Final = 1.6  # standard errors of a held-out gain that is large already; a few blocks may hold all of it
-DOUBTED: Final = 1.4  # times LEAST_GAIN, which a consequence of the drive must bring after what is taken off its gain
-KEEP: Final = 0.5  # of LEAST_GAIN: what an effect must still bring beside the others
+SURE: Final = 1.6  # standard errors of a held-out gain; a few blocks may hold all of it
+BEYOND_DOUBT: Final = 6.0  # standard errors that a background, which has its moments, does not reach
+LEAST_CURVED: Final = 0.45  # of the loss, that a free curve must explain to have the word
+CURVED: Final = (60.0, 0.05)  # evidence, and share of it, by which a free curve must exceed all effects
+MEDIATED: Final = 0.3  # of what the best cause leaves: all that a signal may leave through which every force acts
+SUPERFLUOUS: Final = 0.5  # of ENOUGH: what an effect must still bring beside the others
 MOST_EFFECTS: Final = 4
-ALIKE: Final = 0.03  # log of the ratio of two losses below which no form of a model is exact enough to decide
-HALF_MARGIN: Final = 0.06  # margin taken to be as often right as wrong: by eye, not yet by tools/blind_trial calibrate
+ALIKE: Final = 8.0  # evidence below which no form of a model is exact enough to decide,
+LOOSE: Final = 1.2  # unless the loss decides
+HALF_MARGIN: Final = 12.0  # margin taken to be as often right as wrong: by eye, not yet by tools/blind_trial calibrate
 STEEPNESS: Final = 1.3  # likewise
-LEAST_MARGIN: Final = 0.006  # where another does better in its place: seldom right, and not never
-SILENCE: Final = 6.0  # weight of the distance to LEAST_GAIN, which is short, beside the margins between effects
+LEAST_MARGIN: Final = 1.0  # where another does better in its place: seldom right, and not never
 FINISHED: Final = 10  # candidates whose fits are carried to their end; the others are far off after a few steps
 RESTARTED: Final = 3  # of them, that are fitted once more from another core
-EACH: Final = 0.93  # of what several effects explain together that counts, for each after the first
 RIVALS: Final = 6  # alternatives for which an effect is exchanged once all are together
+FARTHEST: Final = -50.0  # exponent of the share of doubt that falls on a candidate
 UNNAMED: Final = "unnamed:"
 
 
@@ -53,9 +60,15 @@ class Tried:
 
     name: str
     gain: float  # G: share of the loss that it takes away
-    counted: float  # of it, what counts against other candidates
+    evidence: float  # for it, beside a little of everything, and from the held-out errors as they are
+    credit: float  # share of that which counts against other candidates
     sureness: float  # standard errors of the log ratio of the losses
     judged: Judged
+
+    @property
+    def counted(self) -> float:
+        """The evidence that counts against other candidates."""
+        return self.credit * self.evidence
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +77,7 @@ class Step:
 
     before: Judged
     tried: tuple[Tried, ...]
+    background: Background
 
 
 @dataclass(frozen=True)
@@ -101,12 +115,13 @@ Show = Callable[[str], None]
 def diagnose(study: Study, show: Show = lambda text: None) -> Diagnosis:
     """Search, decide, and rank."""
     rng = np.random.default_rng(SEED)
-    base, steps, chosen, final, refused = _forward(study, rng, show)
+    steps, chosen, final, refused = _forward(study, rng, show)
+    base = steps[0].before
     named = tuple(name for name in chosen if not name.startswith(UNNAMED))
     unlisted = bool(chosen) and chosen[0].startswith(UNNAMED)
     places = () if unlisted else tuple(_place(study, name, steps, chosen, final, rng, show) for name in named)
     alike = tuple((one.name, *one.alike) for one in places if one.alike)
-    margin = min((one.margin for one in places), default=_margin_of_silence(steps[0], unlisted))
+    margin = min([*(one.margin for one in places), _margin_of_the_end(steps, chosen)])
     confidence = confidence_of(margin)
     ranking = _ranking(base, steps[0], named, confidence)
     verdict, effects, signals, words = Verdict.MISSING, named, (), ""
@@ -145,71 +160,119 @@ def confidence_of(margin: float) -> float:
 
 def _forward(
     study: Study, rng: np.random.Generator, show: Show
-) -> tuple[Judged, tuple[Step, ...], list[str], Judged, list[Refused]]:
+) -> tuple[tuple[Step, ...], list[str], Judged, list[Refused]]:
     """Add the best effect while it brings enough; after each, drop what it makes superfluous.
 
-    A curve without physics that did better than the best effect is kept in mind: it has the word in the end, unless
-    the effects together explain as much as it counts.
+    A curve without physics for which there is much more evidence than for all effects together has the word in the end.
     """
-    search, base = study.search, study.base
-    present, steps, chosen = base, [], []
+    search, present = study.search, study.base
+    steps: list[Step] = []
+    chosen: list[str] = []
     refused: list[Refused] = []
-    credit: dict[str, float] = {}
-    curve: Tried | None = None
     while len(chosen) < MOST_EFFECTS:
         possible, cannot = candidates(study.recordings, present.explanation)
         refused = refused or cannot
         curves = unnamed(study.recordings, present.explanation) if not steps else []
-        everyone: list[Candidate] = [*possible, *curves]
-        fits = []
-        for candidate in everyone:
-            show(f"trying {_in_words(candidate.name)}" + (f" beside {', '.join(chosen)}" if chosen else ""))
-            fits.append(search.begun(present.explanation, candidate))
-        for i in np.argsort([one.cost for one in fits])[:FINISHED].tolist():
-            show(f"finishing {_in_words(everyone[i].name)}")
-            fits[i] = search.finished(fits[i])
-        for i in np.argsort([one.cost for one in fits])[:RESTARTED].tolist():
-            other = search.grown_anew(present.explanation, everyone[i])
-            fits[i] = min(fits[i], other, key=lambda one: one.cost)
-        if not steps:
-            search.learn_disturbance(present.fit, fits)
-            base = present = search.judged("", present.fit)
-        tried = []
-        for candidate, one in zip(everyone, fits, strict=True):
-            judged = search.judged(candidate.name, one)
-            mine = gain(present, judged)
-            tried.append(Tried(candidate.name, mine, mine * candidate.credit, sureness(present, judged, rng), judged))
-        tried.sort(key=lambda one: -one.counted)
-        steps.append(Step(present, tuple(tried)))
-        if tried and tried[0].name.startswith(UNNAMED) and _enough(tried[0]):
-            curve = tried[0]
-        best = next((one for one in tried if not one.name.startswith(UNNAMED)), None)
-        if best is None or not _enough(best):
+        step = _tried(study, present, [*possible, *curves], chosen, rng, show)
+        present = step.before
+        steps.append(step)
+        best = next((one for one in step.tried if not one.name.startswith(UNNAMED) and _enough(one)), None)
+        if best is None:
             break
-        small = best.gain < LEAST_FURTHER or present.loss - best.judged.loss < LEAST_SHARE * base.loss
+        small = (
+            best.counted < FURTHER
+            or best.gain < LEAST_FURTHER
+            or present.loss - best.judged.loss < LEAST_SHARE * steps[0].before.loss
+        )
         if chosen and small:
             break
         chosen.append(best.name)
-        credit[best.name] = next(one.credit for one in everyone if one.name == best.name)
         present = best.judged
-        for name in [name for name in chosen[:-1] if credit[name] <= credit[best.name]]:
-            # A consequence never drops a cause.
+        for name in chosen[:-1]:
             other = search.judged("", search.fitted(without(present.explanation, name)))
-            if gain(other, present) < KEEP * LEAST_GAIN:
+            held = [one for one in chosen if one != name]
+            if _together(steps[0], present, chosen) - _together(steps[0], other, held) < SUPERFLUOUS * ENOUGH:
                 chosen.remove(name)
                 present = other
-    if curve is not None:
-        together = gain(base, present) * math.prod((credit[name] for name in chosen), start=1.0)
-        if not chosen or together * EACH ** (len(chosen) - 1) < curve.counted:
-            return base, tuple(steps), [curve.name], curve.judged, refused
-    return base, tuple(steps), chosen, present, refused
+    curve = max((one for one in steps[0].tried if one.name.startswith(UNNAMED)), key=_counted, default=None)
+    if curve is not None and curve.gain >= LEAST_CURVED and _enough(curve):
+        named = [one.counted for one in steps[0].tried if not one.name.startswith(UNNAMED)]
+        together = _together(steps[0], present, chosen) if chosen else 0.0
+        if max(together, *named) < curve.counted - _curved(curve):
+            return tuple(steps), [curve.name], curve.judged, refused
+    return tuple(steps), chosen, present, refused
+
+
+def _tried(
+    study: Study,
+    present: Judged,
+    everyone: Sequence[Candidate],
+    chosen: Sequence[str],
+    rng: np.random.Generator,
+    show: Show,
+) -> Step:
+    """Every candidate beside what is there, best first. What is there may be fitted better on the way."""
+    search, fits = study.search, []
+    for candidate in everyone:
+        show(f"trying {_in_words(candidate.name)}" + (f" beside {', '.join(chosen)}" if chosen else ""))
+        fits.append(search.begun(present.explanation, candidate))
+    for i in np.argsort([one.cost for one in fits])[:FINISHED].tolist():
+        show(f"finishing {_in_words(everyone[i].name)}")
+        fits[i] = search.finished(fits[i])
+    for i in np.argsort([one.cost for one in fits])[:RESTARTED].tolist():
+        other = search.grown_anew(present.explanation, everyone[i])
+        fits[i] = min(fits[i], other, key=lambda one: one.cost)
+    before = present.fit
+    if fits:  # the best fit's core may be a better start for what is there, too
+        best = min(range(len(fits)), key=lambda i: fits[i].cost)
+        again = search.fitted(without(fits[best].explanation, everyone[best].name))
+        before = min(before, again, key=lambda one: one.cost)
+    if not chosen:
+        search.learn_disturbance(before, fits)
+    if not chosen or before is not present.fit:
+        present = search.judged("", before)
+    judged = [search.judged(candidate.name, one) for candidate, one in zip(everyone, fits, strict=True)]
+    named = [one.name for one in everyone if not one.name.startswith(UNNAMED)]
+    background = Background(
+        before,
+        {candidate.name: one for candidate, one in zip(everyone, fits, strict=True)},
+        search.disturbance,
+        [name for name in named if name not in MEDIATORS],
+        (slip_mps(study.recordings), frozenset({"wheel_slip", "sensor_bias"})),
+    )
+    credit = {one.name: one.credit for one in everyone}
+    causes = [one for one in judged if credit[one.candidate] == 1.0 and one.candidate not in MEDIATORS]
+    least = min((one.loss for one in causes), default=present.loss)
+    for one in judged:
+        if one.candidate in MEDIATORS and one.loss > MEDIATED * min(least, present.loss):
+            credit[one.candidate] = 0.0
+    background.settle({name: credit[name] for name in named})
+    tried, blocks = [], int(np.count_nonzero(present.weight))  # a block of time counts as one independent error
+    for one in judged:
+        share = gain(present, one)
+        evidence = background.evidence(one.candidate) - blocks * math.log(1.0 - share)
+        tried.append(Tried(one.candidate, share, evidence, credit[one.candidate], sureness(present, one, rng), one))
+    return Step(present, tuple(sorted(tried, key=_counted, reverse=True)), background)
+
+
+def _together(first: Step, one: Judged, names: Sequence[str]) -> float:
+    """Evidence for several effects at once, against the model as it was first."""
+    blocks = int(np.count_nonzero(first.before.weight))
+    return first.background.evidence_of(one.fit, names) - blocks * math.log(1.0 - gain(first.before, one))
+
+
+def _counted(one: Tried) -> float:
+    return one.counted
+
+
+def _curved(one: Tried) -> float:
+    return CURVED[0] + CURVED[1] * one.counted
 
 
 def _enough(one: Tried) -> bool:
-    """Whether what a candidate explains is worth naming, and sure."""
-    doubted = one.gain > 0.0 and one.counted < FLEXIBLE * one.gain
-    bar = DOUBTED * LEAST_GAIN if doubted else FLEXIBLE * LEAST_GAIN
-    return one.gain >= LEAST_GAIN and one.counted >= bar and one.sureness >= SURE
+    """Whether what a candidate explains is worth naming, sure, and more than a little or beyond doubt."""
+    more = one.counted >= ENOUGH and one.sureness >= SURE
+    return one.gain >= LEAST_GAIN and (more or (one.counted > 0.0 and one.sureness >= BEYOND_DOUBT))
 
 
 @dataclass(frozen=True)
@@ -217,7 +280,7 @@ class Place:
     """A chosen effect against all others in its place."""
 
     name: str
-    margin: float  # log of the loss of the best other over its own, both as they count
+    margin: float  # evidence for it above that for the best other, both as they count
     alike: tuple[str, ...]  # effects that do as well
 
 
@@ -232,49 +295,45 @@ def _place(
 ) -> Place:
     """The effect against the best of the others, the rest of the model as it is in the end."""
     if len(chosen) == 1:
-        mine, others = steps[0].tried[0], steps[0].tried[1:]
+        tried = steps[0].tried
     else:
-        search = study.search
         rest = without(final.explanation, name)
-        before = search.judged("", search.fitted(rest))
+        before = study.search.judged("", study.search.fitted(rest))
         step = next(one for one in steps if any(tried.name == name for tried in one.tried))
-        best = [one.name for one in step.tried if one.name not in chosen][:RIVALS]
+        best = [one.name for one in step.tried if one.name not in chosen and not one.name.startswith(UNNAMED)][:RIVALS]
         possible, _ = candidates(study.recordings, rest)
-        everyone: list[Candidate] = [*possible, *unnamed(study.recordings, rest)]
-        trials = []
-        for candidate in everyone:
-            if candidate.name != name and candidate.name not in best:
-                continue
-            if candidate.name != name:
-                show(f"trying {_in_words(candidate.name)} in place of {name}")
-            judged = final if candidate.name == name else search.judged(candidate.name, search.grown(rest, candidate))
-            part = gain(before, judged)
-            trials.append(Tried(candidate.name, part, part * candidate.credit, sureness(before, judged, rng), judged))
-        mine = next(one for one in trials if one.name == name)
-        others = tuple(sorted((one for one in trials if one is not mine), key=lambda one: -one.counted))
-    margins = {one.name: math.log((1.0 - one.counted) / (1.0 - mine.counted)) for one in others}
+        rivals = [one for one in possible if one.name in (name, *best)]
+        tried = _tried(study, before, rivals, [one for one in chosen if one != name], rng, show).tried
+    mine = next(one for one in tried if one.name == name)
+    others = [one for one in tried if one is not mine and not one.name.startswith(UNNAMED)]
     alike = tuple(
         one.name
         for one in others
-        if not one.name.startswith(UNNAMED) and one.gain >= LEAST_GAIN and margins[one.name] < ALIKE
+        if one.gain >= LEAST_GAIN
+        and one.counted > max(mine.counted - ALIKE, ENOUGH)
+        and one.judged.loss < LOOSE * mine.judged.loss
     )
-    return Place(name, min(margins.values(), default=1.0), alike)
+    rivals = [one for one in others if one.gain >= LEAST_GAIN]
+    return Place(name, min((mine.counted - one.counted for one in rivals), default=ENOUGH), alike)
 
 
-def _margin_of_silence(first: Step, unlisted: bool) -> float:
-    """The margin of a verdict that names no effect: to the threshold, or to the best effect."""
-    if unlisted:
-        mine = first.tried[0]
-        best = max((one.counted for one in first.tried if not one.name.startswith(UNNAMED)), default=0.0)
-        return math.log((1.0 - best) / (1.0 - mine.counted))
-    room = math.log((1.0 - first.tried[0].gain) / (1.0 - LEAST_GAIN)) if first.tried else 1.0
-    return max(SILENCE * room, HALF_MARGIN)  # a gain that is large and not sure: as likely as not
+def _margin_of_the_end(steps: Sequence[Step], chosen: Sequence[str]) -> float:
+    """Evidence by which the search was short of going on; where a curve has the word, by which the effects lost it."""
+    last = steps[-1].tried
+    named = [one.counted for one in steps[0].tried if not one.name.startswith(UNNAMED)]
+    if chosen and chosen[0].startswith(UNNAMED):
+        mine = next(one for one in steps[0].tried if one.name == chosen[0])
+        return mine.counted - _curved(mine) - max(named, default=0.0)
+    enough, least = (FURTHER, LEAST_FURTHER) if chosen else (ENOUGH, LEAST_GAIN)
+    rest = [one for one in last if one.name not in chosen and not one.name.startswith(UNNAMED)]
+    return max(enough - max((one.counted for one in rest if one.gain > 0.5 * least), default=0.0), LEAST_MARGIN)
 
 
 def _ranking(base: Judged, first: Step, chosen: Sequence[str], confidence: float) -> tuple[Ranked, ...]:
     before = math.sqrt(base.loss)
     named = [one for one in first.tried if not one.name.startswith(UNNAMED)]
-    weights = {one.name: math.exp(min(one.counted, 1.0) / ALIKE) for one in named}
+    most = max((one.counted for one in named), default=0.0)
+    weights = {one.name: math.exp(max((one.counted - most) / ALIKE, FARTHEST)) for one in named}
     total = sum(weights.values())
     lines = []
     for one in named:

@@ -138,7 +138,7 @@ class Objective:
         return self.scene.errors([self.plan.explanation(vector) for vector in vectors])
 
     def residual(self, vector: np.ndarray) -> np.ndarray:
-        return _bounded(self.whiten(self.errors([vector]))[0])
+        return bounded(self.whiten(self.errors([vector]))[0])
 
     def jacobian(self, vector: np.ndarray) -> np.ndarray:
         return self.differences(vector)[1]
@@ -149,11 +149,11 @@ class Objective:
         size = STEP * self.plan.scale
         step = np.where(vector + size > high, -size, size)
         shifted = [vector] + [vector + np.eye(len(vector))[i] * step[i] for i in range(len(vector))]
-        errors = _bounded(self.whiten(self.errors(shifted)))
+        errors = bounded(self.whiten(self.errors(shifted)))
         return errors[0], ((errors[1:] - errors[0]) / step[:, None]).T
 
 
-def _bounded(errors: np.ndarray) -> np.ndarray:
+def bounded(errors: np.ndarray) -> np.ndarray:
     """Errors of which sums of squares can be taken: nothing where nothing is judged, far where a run went away."""
     return np.clip(np.nan_to_num(errors, posinf=RAN_AWAY_MPS, neginf=-RAN_AWAY_MPS), -RAN_AWAY_MPS, RAN_AWAY_MPS)
 

@@ -14,17 +14,21 @@ from typing import Final
 
 import numpy as np
 
+from cruise.effects import Stage
 from cruise.model import prediction
 from cruise.validation.candidates import Candidate
 from cruise.validation.disturbance import Disturbance, disturbance_of
 from cruise.validation.explanation import CORE, START, Explanation
-from cruise.validation.fitting import RAN_AWAY_MPS, Fit, Layout, Objective, fit, layout
+from cruise.validation.fitting import RAN_AWAY_MPS, Fit, Layout, Objective, bounded, fit, layout
 from cruise.validation.simulation import Scene
 
 FOLDS: Final = 5
 BLOCK_S: Final = 20.0  # s: longer than any disturbance that the autoregression leaves behind
 DAMPING: Final = 1e-3  # of the diagonal, in the step to a fold's parameters: directions that nothing excites stay
-PARTS: Final = (1.0, 0.3, 0.0)  # of that step: the errors are not quite linear in the parameters
+PARTS: Final = (1.0, 0.3)  # of that step, or none: the errors are not quite linear in the parameters
+MOST_STARTS: Final = 3  # from which fits of one candidate begin
+NEARLY: Final = 1.2  # times what the best start leaves, to first order, that another may leave
+LOAD_MPS: Final = 0.1  # m/s of steady speed per unit of a load, to see where it acts
 QUICK_STEPS: Final = 4  # of the solver, to choose among several starts
 ORDINARY_STEPS: Final = 20
 BOOTSTRAPS: Final = 400
@@ -68,6 +72,7 @@ class Search:
         self.disturbance = Disturbance((), self.starts)
         self.blocks = _blocks(scene)
         self.fixed = fixed  # shapes that nothing in the recordings moves
+        self._from: tuple[Explanation, np.ndarray, np.ndarray, np.ndarray] | None = None
 
     # -- fits
 
@@ -83,10 +88,43 @@ class Search:
         return self.finished(self.begun(explanation, candidate))
 
     def begun(self, explanation: Explanation, candidate: Candidate) -> Fit:
-        """A few steps from every start; the best of them."""
-        options = candidate.grown(explanation)
-        fits = [self.fitted(option, candidate.longest_delay_s, QUICK_STEPS) for option in options]
+        """A few steps from the starts that promise most; from further ones only while nothing is gained."""
+        options, before = self._promising(explanation, list(candidate.grown(explanation)))
+        fits: list[Fit] = []
+        for promise, option in options:
+            gained = any(one.cost < before for one in fits)
+            if len(fits) == MOST_STARTS or (gained and promise > NEARLY * options[0][0]):
+                break
+            fits.append(self.fitted(option, candidate.longest_delay_s, QUICK_STEPS))
         return min(fits, key=lambda one: one.cost)
+
+    def _promising(
+        self, explanation: Explanation, options: list[Explanation]
+    ) -> tuple[list[tuple[float, Explanation]], float]:
+        """Starts with what they would leave, best first, to first order: the core gives way and a load is scaled.
+
+        A start from which nothing moves, such as a stop beyond the highest current, would be left as it is by any fit.
+        With it the mean squared error of the explanation as it is.
+        """
+        if self._from is None or self._from[0] != explanation:
+            plan = self.plan(explanation)
+            error, slopes = Objective(self.scene, plan, _as_it_is).differences(plan.vector)
+            slopes = slopes * plan.scale
+            stiff = slopes.T @ slopes + np.eye(len(plan.scale)) * float(error @ error) / max(self.scene.judged.sum(), 1)
+            self._from = (explanation, error, slopes, np.linalg.inv(stiff))
+        _, error, slopes, soft = self._from
+        before = float(error @ error) / max(int(self.scene.judged.sum()), 1)
+        moved = error - bounded(self.scene.errors([_loaded(explanation, option) for option in options]))
+        mine, its = error @ slopes, moved @ slopes
+        size = np.einsum("ij,ij->i", moved, moved) - np.einsum("ij,jk,ik->i", its, soft, its)
+        along = moved @ error - its @ soft @ mine
+        share = np.ones(len(options))
+        if len(options[0].loads) > len(explanation.loads):
+            share = along / np.maximum(size, 1e-12)
+            share = share if any(one.either_sign for one in options[0].effects) else np.maximum(share, 0.0)
+        left = error @ error - mine @ soft @ mine - 2.0 * share * along + share**2 * size
+        ordered = np.argsort(left).tolist()
+        return [(float(left[i]), _loaded(explanation, options[i], LOAD_MPS * float(share[i]))) for i in ordered], before
 
     def finished(self, begun: Fit) -> Fit:
         """The fit carried on to its end."""
@@ -102,10 +140,9 @@ class Search:
     def judged(self, name: str, found: Fit) -> Judged:
         """Held-out errors: for every fold the parameters move to where the rest of the recording wants them."""
         objective = Objective(self.scene, found.layout, _as_it_is)
-        error, slopes = objective.differences(found.vector)
         low, high = found.layout.bounds
         scale = found.layout.scale
-        slopes = slopes * scale
+        slopes, error = found.jacobian * scale, bounded(found.error_mps)
         held = self.blocks % FOLDS
         products = np.array([slopes[held == i].T @ slopes[held == i] for i in range(FOLDS)])
         pulls = np.array([slopes[held == i].T @ error[held == i] for i in range(FOLDS)])
@@ -115,23 +152,23 @@ class Search:
             damped = curvature + np.diag(DAMPING * np.diag(curvature) + 1e-12 * np.trace(curvature) + 1e-30)
             # The full fit's own remaining pull is no news of the fold: only what the fold takes away counts.
             steps.append(scale * np.clip(np.linalg.solve(damped, pulls[i]), -1.0, 1.0))
-        options = [np.clip(found.vector + part * step, low, high) for step in steps for part in PARTS]
-        squares = np.nan_to_num(objective.errors(options), nan=0.0, posinf=RAN_AWAY_MPS, neginf=RAN_AWAY_MPS) ** 2
+        options = [found.vector, *(np.clip(found.vector + part * step, low, high) for step in steps for part in PARTS)]
+        tried = np.vstack([found.error_mps, objective.errors(options[1:])])
+        tried = np.clip(tried, -RAN_AWAY_MPS, RAN_AWAY_MPS)
+        squares = np.nan_to_num(tried) ** 2
         chosen = []
         for i in range(FOLDS):  # how far the step holds is for the fold's training part to say
-            mine = squares[i * len(PARTS) : (i + 1) * len(PARTS)]
-            chosen.append(i * len(PARTS) + int(np.argmin(mine[:, held != i].sum(axis=1))))
-        vectors = [options[place] for place in chosen]
-        errors = objective.errors(vectors)
+            mine = [0, *range(1 + i * len(PARTS), 1 + (i + 1) * len(PARTS))]
+            chosen.append(min(mine, key=lambda place, i=i: squares[place, held != i].sum()))
+        vectors, errors = [options[place] for place in chosen], tried[chosen]
         unseen = errors[held, np.arange(len(held))]
         white = self.disturbance.whiten(errors)[held, np.arange(len(held))]
         return Judged(name, found, tuple(vectors), unseen, *self._by_block(unseen, white))
 
     def covariance(self, found: Fit) -> np.ndarray:
         """Covariance (p, p) of the fitted numbers: a sandwich over blocks of time, which coloured errors don't fool."""
-        error, slopes = Objective(self.scene, found.layout, _as_it_is).differences(found.vector)
-        scale = found.layout.scale
-        slopes = slopes * scale
+        error, scale = bounded(found.error_mps), found.layout.scale
+        slopes = found.jacobian * scale
         curvature = slopes.T @ slopes
         inverse = np.linalg.pinv(curvature, rcond=1e-10, hermitian=True)
         pulls = np.zeros((int(self.blocks.max()) + 1, len(scale)))
@@ -168,15 +205,15 @@ class Search:
         sure = np.isfinite(white)
         weight_white = np.bincount(self.blocks[sure], minlength=count)
         whites = np.bincount(self.blocks[sure], np.minimum(white[sure] ** 2, 1e6), minlength=count)
-        held = (weight > 0) & (weight_white > 0)
-        return squares[held] / weight[held], whites[held] / weight_white[held], weight[held].astype(float)
+        weight = np.where(weight_white > 0, weight, 0)  # a block that says nothing of the one counts for neither
+        return squares / np.maximum(weight, 1), whites / np.maximum(weight_white, 1), weight.astype(float)
 
     # -- what nobody recorded
 
     def learn_disturbance(self, base: Fit, others: Sequence[Fit]) -> None:
         """The autoregression of what is left when everything that any candidate could explain is taken away."""
         error = base.error_mps
-        columns = [Objective(self.scene, base.layout, _as_it_is).differences(base.vector)[1]]
+        columns = [base.jacobian]
         columns += [(error - other.error_mps)[:, None] for other in others]
         everything = np.nan_to_num(np.column_stack(columns), posinf=0.0, neginf=0.0)
         size = np.linalg.norm(everything, axis=0)
@@ -195,15 +232,31 @@ def gain(without: Judged, with_it: Judged) -> float:
 
 def sureness(without: Judged, with_it: Judged, rng: np.random.Generator) -> float:
     """How many standard errors the log ratio of the losses lies below zero: bootstrap over the blocks of time."""
-    picks = rng.integers(0, len(without.weight), (BOOTSTRAPS, len(without.weight)))
+    both = (without.weight > 0) & (with_it.weight > 0)
+    if not both.any():
+        return 0.0
+    weight = without.weight[both]
+    picks = rng.integers(0, len(weight), (BOOTSTRAPS, len(weight)))
     ratios = []
     for one, other in ((without.raw, with_it.raw), (without.white, with_it.white)):
-        first = (one * without.weight)[picks].sum(axis=1)
-        second = (other * without.weight)[picks].sum(axis=1)
+        first = (one[both] * weight)[picks].sum(axis=1)
+        second = (other[both] * weight)[picks].sum(axis=1)
         ratios.append(np.log(second / first))
     mean = 0.5 * (ratios[0] + ratios[1])
     spread = float(mean.std())
     return float(-mean.mean() / spread) if spread > 0 else 0.0
+
+
+def _loaded(before: Explanation, option: Explanation, coefficient: float = LOAD_MPS) -> Explanation:
+    """The option with something in the load that is new: a coefficient of 0 would not show where it acts."""
+    if len(option.loads) == len(before.loads):
+        return option
+    held = set(before.names)
+    loads = [
+        load if option.effects[i].name in held else coefficient
+        for i, load in zip(option.at(Stage.LOAD), option.loads, strict=True)
+    ]
+    return replace(option, loads=tuple(loads))
 
 
 def _as_it_is(errors: np.ndarray) -> np.ndarray:

@@ -9,7 +9,20 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from . import dart, driving, engaged, estimator, identification, ladder, learning, loop, opening, plant, recovery
+from . import (
+    dart,
+    driving,
+    engaged,
+    estimator,
+    identification,
+    ladder,
+    learning,
+    loop,
+    missing,
+    opening,
+    plant,
+    recovery,
+)
 from .figures import Part, show
 
 PAPER = 140  # characters, width of the tables in a file
@@ -25,6 +38,7 @@ PARTS: dict[str, Callable[[], Part]] = {
     "opening": opening.measure,  # an hour's recording, in every kind of file
     "recovery": recovery.measure,  # known systems come back
     "ladder": ladder.measure,  # the demo before and after an effect was added
+    "missing": missing.measure,  # a found effect against general methods, and the time of a diagnosis
     "identification": identification.measure,  # fits against peers, every model on measured drives
 }
 

@@ -20,8 +20,8 @@ import numpy as np
 
 ROOT: Final = Path(__file__).resolve().parents[2]
 HOME: Final = ROOT / "out" / "peers-venv"
-REQUIRED: Final = ("sysidentpy==0.9.0", "sippy_unipi==1.0.1")  # the last ones of November 2026
-INSTALL_S: Final = 300.0  # s, for 100 MB of wheels
+REQUIRED: Final = ("sysidentpy==0.9.0", "sippy_unipi==1.0.1", "pysindy==2.1.0")  # the last ones of November 2026
+INSTALL_S: Final = 300.0  # s, for 120 MB of wheels
 NA, NB, DELAY = 2, 2, 2  # of the system that is fitted
 
 
@@ -43,9 +43,9 @@ class Peers:
     @classmethod
     def start(cls, input_: np.ndarray, output: np.ndarray) -> "Peers | str":
         """The peers, told what to fit, or why there are none."""
-        missing = _made()
-        if missing:
-            return missing
+        reason = made()
+        if reason:
+            return f"SysIdentPy and SIPPY are not installed: {reason}"
         folder = tempfile.TemporaryDirectory()
         data = Path(folder.name) / "data.npz"
         np.savez(data, input=input_, output=output)
@@ -79,7 +79,7 @@ class Peers:
         return Timed(said["seconds"], tuple(said["theta"]))
 
 
-def _made() -> str:
+def made() -> str:
     """Make the environment unless it is there; why it can't be made, empty where it is."""
     stamp = HOME / "installed"
     if stamp.is_file() and stamp.read_text() == " ".join(REQUIRED):
@@ -89,10 +89,9 @@ def _made() -> str:
         try:
             ended = subprocess.run(command, capture_output=True, text=True, timeout=INSTALL_S, check=False)
         except (OSError, subprocess.TimeoutExpired) as error:
-            return f"SysIdentPy and SIPPY are not installed: {error}"
+            return str(error)
         if ended.returncode:
-            last = (ended.stderr.strip().splitlines() or [f"code {ended.returncode}"])[-1]
-            return f"SysIdentPy and SIPPY are not installed: {last}"
+            return (ended.stderr.strip().splitlines() or [f"code {ended.returncode}"])[-1]
     stamp.write_text(" ".join(REQUIRED))
     return ""
 

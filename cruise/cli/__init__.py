@@ -7,7 +7,7 @@ import typer
 
 VERBS = (
     "demo", "run", "plant", "record", "replay", "experiment", "explore", "identify", "orders", "paper", "effects",
-    "compare", "diagnose", "add", "ladder",
+    "compare", "diagnose", "add", "ladder", "workbench",
 )  # fmt: skip
 """Every verb is the function of its name in the module of its name, imported when it is called for: start-up counts."""
 

@@ -1,0 +1,89 @@
+"""`cruise workbench`: the walk from a recording to the missing effect, in the browser."""
+
+import os
+import secrets
+from pathlib import Path
+from typing import Annotated, Final
+
+import typer
+
+from cruise.can.bus import BusLostError
+from cruise.can.log import LogError
+from cruise.cli import workbench_jobs as jobs
+from cruise.cli.places import CONFIG
+from cruise.cli.reading import Columns, Database, Horizon, InputName, OutputName, columns_of, model_named
+from cruise.effects.expression import ExpressionError
+from cruise.identification.regressors import FitError
+from cruise.recording import RecordingError
+from cruise.service.recordings import LOGS, MEASUREMENT, TABLES, ReadingSettings
+from cruise.settings import SettingsError
+from cruise.workbench.tools import Tools
+
+EXPECTED: Final = (SettingsError, RecordingError, LogError, FitError, ExpressionError, BusLostError, OSError)
+HERE: Final = ("127.0.0.1", "localhost", "::1")
+
+
+def workbench(
+    recordings: Annotated[list[Path] | None, typer.Argument(help="Opened at once.", show_default=False)] = None,
+    model: Annotated[str | None, typer.Option(help="Name, structure written out, or model file to compare.")] = None,
+    columns: Columns = None,
+    input_name: InputName = None,
+    output_name: OutputName = None,
+    database: Database = None,
+    horizon: Horizon = 3.0,
+    live: Annotated[Path | None, typer.Option(help="Settings of the service whose bus is listened to.")] = None,
+    host: Annotated[str, typer.Option(help="Address to serve on; others than this machine need the token.")] = HERE[0],
+    port: Annotated[int, typer.Option(min=1, max=65535, help="Port to serve on.")] = 8080,
+    browser: Annotated[bool, typer.Option(help="Open the browser.")] = True,
+) -> None:
+    """Compare, find what is missing, add it and take the model away, in the browser."""
+    try:
+        from cruise.workbench import app
+    except ModuleNotFoundError as error:
+        raise SettingsError(
+            f"workbench: {error.name} is not installed; run pip install 'cruise-control-combine[workbench]'"
+        ) from error
+    from cruise.workbench.found import Question, Source
+    from cruise.workbench.session import MODEL, Session, Step
+
+    for path in recordings or []:
+        if not path.is_file():
+            raise RecordingError(f"{path}: no such file")
+    if model is not None:
+        model_named(model)
+    reading = columns_of(columns, input_name, output_name, database)
+    question = Question(model or MODEL, horizon_s=horizon)
+
+    def begin(session: Session) -> None:
+        session.steps = [Step(Path(question.model).name, question)]
+        if recordings:
+            title = recordings[0].name if len(recordings) == 1 else f"{len(recordings)} recordings"
+            session.open(Source(tuple(path.absolute() for path in recordings), reading, title))
+
+    token = "" if host in HERE else os.environ.get("CRUISE_TOKEN") or secrets.token_urlsafe(16)
+    address = f"http://{host}:{port}/" + (f"?token={token}" if token else "")
+    print(f"cruise: workbench on {address}", flush=True)
+    app.serve(app.Workbench(tools(reading, live), begin), host, port, token, show=browser and not token)
+
+
+def tools(reading: ReadingSettings, live: Path | None = None, cache: Path | None = None) -> Tools:
+    """The functions of the command line, as the page calls them."""
+    return Tools(
+        opened=jobs.opened,
+        compared=jobs.compared,
+        diagnosed=jobs.diagnosed,
+        added=jobs.added,
+        by_hand=jobs.by_hand,
+        reading=reading,
+        expected=EXPECTED,
+        endings=(*TABLES, MEASUREMENT, *LOGS, *(f"{ending}.gz" for ending in LOGS)),
+        preload=("cruise.cli.workbench_jobs",),
+        config=CONFIG,
+        cache=cache or user_cache(),
+        live=live,
+    )
+
+
+def user_cache() -> Path:
+    """Where this user's caches are (XDG Base Directory Specification)."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "cruise"

@@ -1,0 +1,58 @@
+"""Who may see the page: on this machine everybody who is on it, from outside only who knows the token."""
+
+import hmac
+from collections.abc import Awaitable, Callable, MutableMapping
+from http.cookies import SimpleCookie
+from typing import Any, Final
+from urllib.parse import parse_qs
+
+COOKIE: Final = "cruise_workbench"
+HERE: Final = ("127.0.0.1", "localhost", "::1")
+
+Scope = MutableMapping[str, Any]
+Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
+Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
+App = Callable[[Scope, Receive, Send], Awaitable[None]]
+
+
+class Guard:
+    """Lets through whoever shows the token, in the address once and in a cookie from then on; else 401.
+
+    Without a token only requests to this machine's own names pass, so that no page of another site reaches in.
+    """
+
+    def __init__(self, app: App, token: str) -> None:
+        self.app, self.token = app, token
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] not in ("http", "websocket"):
+            await self.app(scope, receive, send)
+            return
+        headers = {name.decode("latin-1"): value.decode("latin-1") for name, value in scope["headers"]}
+        if not self.token:
+            host = headers.get("host", "").rsplit(":", 1)[0].strip("[]")
+            await (self.app if host in HERE else _refuse)(scope, receive, send)
+            return
+        shown = parse_qs(scope.get("query_string", b"").decode("latin-1")).get("token", [""])[0]
+        kept = SimpleCookie(headers.get("cookie", "")).get(COOKIE)
+        if hmac.compare_digest(shown.encode(), self.token.encode()):
+
+            async def remember(message: MutableMapping[str, Any]) -> None:
+                if message["type"] == "http.response.start":
+                    cookie = f"{COOKIE}={self.token}; HttpOnly; SameSite=Strict; Path=/"
+                    message["headers"] = [*message.get("headers", []), (b"set-cookie", cookie.encode("latin-1"))]
+                await send(message)
+
+            await self.app(scope, receive, remember)
+        elif kept is not None and hmac.compare_digest(kept.value.encode(), self.token.encode()):
+            await self.app(scope, receive, send)
+        else:
+            await _refuse(scope, receive, send)
+
+
+async def _refuse(scope: Scope, receive: Receive, send: Send) -> None:
+    if scope["type"] == "websocket":
+        await send({"type": "websocket.close", "code": 1008})
+        return
+    await send({"type": "http.response.start", "status": 401, "headers": [(b"content-type", b"text/plain")]})
+    await send({"type": "http.response.body", "body": b"This page needs the address that cruise workbench printed."})

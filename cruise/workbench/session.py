@@ -1,0 +1,257 @@
+"""The work of one browser tab: what was opened, the model step by step, what was found, and the job under way.
+
+It lives in the server, so that a reload finds it again; it knows nothing of the page.
+"""
+
+import shutil
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Final
+
+from cruise.model.files import CustomTerm
+from cruise.workbench.examples import Example, make
+from cruise.workbench.found import Added, Compared, Diagnosed, Opened, Predicted, Question, Show, Source
+from cruise.workbench.jobs import Job
+from cruise.workbench.tools import Tools
+
+MODEL: Final = "arx:na=1,nb=3,delay_s=0.5"  # the paper's order, and nothing that an effect could hide behind
+SEARCH: Final = "Looking for what is missing"
+
+
+@dataclass(eq=False)
+class Step:
+    """The model as it was at one step; `added` says how it came to be, None for the first."""
+
+    name: str
+    question: Question
+    compared: Compared | None = None
+    added: Added | None = None
+    diagnosed: Diagnosed | None = None
+    predicted: Predicted | None = None  # before all of `compared` is known
+
+    @property
+    def curves(self) -> Predicted | None:
+        """What is known of its predictions."""
+        return self.compared.predicted if self.compared else self.predicted
+
+
+@dataclass(eq=False)
+class Session:
+    """Everything of one tab."""
+
+    tools: Tools
+    folder: Path = field(default_factory=lambda: Path(tempfile.mkdtemp(prefix="cruise-workbench-")))
+    opened: Opened | None = None
+    steps: list[Step] = field(default_factory=list)
+    at: int = 0
+    job: Job | None = None
+    fault: str = ""  # of the last job
+    asked: tuple[Path, ...] = ()  # files that could not be read as they are: what do their columns mean?
+    recording: int = 0  # number of the one that is shown
+    window: tuple[float, float] | None = None
+    context: list[str] = field(default_factory=list)  # further signals that are shown
+    free_run: bool = False
+    cell: tuple[int, int] | None = None  # of the heat map
+    other: int | None = None  # step that is shown beside
+    dark: bool | None = None
+    files: int = 0  # written so far
+    version: int = 0  # rises whenever there is more to see
+    searching: bool = False  # what is missing is looked for as soon as the comparison is there
+    fresh: bool = False  # a recording has just been opened, and nobody has seen it
+    _then: Callable[[Any], None] | None = None
+    _part: Callable[[Any], None] | None = None
+    _seen: object = None
+
+    @property
+    def step(self) -> Step | None:
+        """The model as it is now."""
+        return self.steps[self.at] if self.steps else None
+
+    @property
+    def busy(self) -> bool:
+        """Whether a job is under way."""
+        return self.job is not None and self.job.running
+
+    def open(self, source: Source) -> None:
+        """Read recordings and compare the first model with them."""
+        self._start(f"Opening {source.title}", self.tools.opened, (source,), self._opened, asked=source.paths)
+
+    def open_example(self, example: Example) -> None:
+        """Open a bundled recording; the virtual combine drives it first, where nobody has opened it before."""
+        self._start(f"Opening {example.title}", _example, (self.tools, example), self._opened)
+
+    def open_live(self, path: Path, model: str, seconds: float) -> None:
+        """Diagnose a service's model with the last `seconds` of its bus."""
+
+        def done(found: Opened) -> None:
+            self.steps, self.searching = [Step("the service's model", Question(model))], True
+            self._opened(found)
+
+        self._start("Opening what the bus said", _last, (self.tools, path, seconds), done)
+
+    def close(self) -> None:
+        """Forget everything."""
+        self.cancel()
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+    def ask(self, question: Question) -> None:
+        """Begin again with another model, or another horizon."""
+        self.steps = [Step(Path(question.model).name, question)]
+        self.at, self.cell, self.other = 0, None, None
+        self.compare()
+
+    def compare(self) -> None:
+        """Judge the present model."""
+        step = self.step
+        if self.opened is None or step is None:
+            return
+
+        def done(found: Compared) -> None:
+            step.compared = found
+            if self.searching:
+                self.searching = False
+                self.diagnose()
+
+        def part(found: Predicted | Compared) -> None:
+            if isinstance(found, Compared):
+                step.compared = found
+            else:
+                step.predicted = found
+
+        self._start(
+            "Comparing the model with the recording",
+            self.tools.compared,
+            (self.opened.recordings, step.question),
+            done,
+            part,
+        )
+
+    def diagnose(self) -> None:
+        """Ask what the present model lacks."""
+        step = self.step
+        if self.opened is None or step is None:
+            return
+
+        def done(found: Diagnosed) -> None:
+            step.diagnosed = found
+
+        self._start(SEARCH, self.tools.diagnosed, (self.opened.recordings, step.question), done)
+
+    def add(self, effect: str | CustomTerm) -> None:
+        """Refit the present model with one effect more, as a new step."""
+        step = self.step
+        if self.opened is None or step is None:
+            return
+        name = effect if isinstance(effect, str) else effect.name
+        question = replace(step.question, period_s=None) if step.added else step.question
+        self._start(
+            f"Adding {name}: everything is refitted",
+            self.tools.added,
+            (self.opened.recordings, question, effect, self._next_file()),
+            self._stepped,
+        )
+
+    def by_hand(self, name: str, values: dict[str, float]) -> None:
+        """Keep parameters that were set by hand, as a new step."""
+        step = self.step
+        if self.opened is None or step is None or step.added is None:
+            return
+        self._start(
+            "Judging the model as set by hand",
+            self.tools.by_hand,
+            (self.opened.recordings, step.question, step.added, values, name, self._next_file()),
+            self._stepped,
+        )
+
+    def undo(self) -> None:
+        """One step back."""
+        self.go(self.at - 1)
+
+    def redo(self) -> None:
+        """One step on again."""
+        self.go(self.at + 1)
+
+    def go(self, number: int) -> None:
+        """To any step."""
+        if 0 <= number < len(self.steps) and not self.busy:
+            self.at, self.cell = number, None
+
+    def cancel(self) -> None:
+        """Stop the job under way; everything stays as it was before."""
+        if self.job is not None:
+            self.job.cancel()
+
+    def poll(self) -> None:
+        """Take in what the job under way has found; `version` tells every page that shows this session."""
+        job = self.job
+        if job is None:
+            return
+        job.poll()
+        if job.part is not None and job.part is not self._seen:
+            self._seen = job.part
+            self.version += 1
+            if self._part is not None:
+                self._part(job.part)
+        if job.running:
+            return
+        self.job = None
+        self.version += 1
+        if job.fault:
+            self.fault = "" if job.cancelled else job.fault
+            return
+        self.fault, self.asked = "", ()
+        if self._then is not None:
+            self._then(job.result)
+
+    def _start(
+        self,
+        title: str,
+        function: Callable[..., Any],
+        arguments: tuple[Any, ...],
+        then: Callable[[Any], None],
+        part: Callable[[Any], None] | None = None,
+        asked: tuple[Path, ...] = (),
+    ) -> None:
+        if self.busy:
+            self.cancel()
+        self.fault, self.asked, self._then, self._part, self._seen = "", asked, then, part, None
+        self.job = Job(title, function, arguments, self.tools.expected)
+
+    def _opened(self, found: Opened) -> None:
+        self.opened, self.fresh = found, True
+        self.recording, self.window = 0, None
+        names = [name for name in found.recordings[0].context() if _moves(found, name)]
+        self.context = [name for name in names if name == "pitch_deg"] or names[:1]
+        question = self.steps[0].question if self.steps else Question(MODEL)
+        self.ask(question)
+
+    def _stepped(self, found: Added) -> None:
+        del self.steps[self.at + 1 :]
+        question = replace(self.steps[0].question, model=str(found.path), period_s=None)
+        self.steps.append(Step(f"+ {found.effect}", question, found.compared, found))
+        self.other, self.at, self.cell = self.at, self.at + 1, None
+
+    def _next_file(self) -> Path:
+        self.files += 1
+        return self.folder / f"model-{self.files}.yaml"
+
+
+def _moves(found: Opened, name: str) -> bool:
+    values = found.recordings[0].columns[name]
+    return bool(values.max() - values.min() > 0.0) if len(values) else False
+
+
+def _example(tools: Tools, example: Example, show: Show) -> Opened:
+    """A bundled recording, made if it has to be, then opened as any other."""
+    path = make(example, tools.cache, lambda text: show(text))
+    return tools.opened(Source((path,), tools.reading, example.title), show)
+
+
+def _last(tools: Tools, path: Path, seconds: float, show: Show) -> Opened:
+    """The end of a log of the bus."""
+    opened = tools.opened(Source((path,), tools.reading, f"the last {seconds / 60:.0f} minutes"), show)
+    return replace(
+        opened, recordings=tuple(one[-min(round(seconds / one.dt_s), len(one)) :] for one in opened.recordings)
+    )

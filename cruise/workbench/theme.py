@@ -1,0 +1,201 @@
+"""Colours, type and the look of the charts, light and dark.
+
+The colours of curves are those of M. Okabe and K. Ito, "Color Universal Design", 2008, which colour-blind people tell
+apart; what is measured is ink, what is predicted blue, what is compared with it orange.
+"""
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+
+@dataclass(frozen=True)
+class Theme:
+    """One set of colours."""
+
+    page: str
+    surface: str
+    ink: str
+    muted: str
+    line: str
+    accent: str
+    measured: str
+    model: str
+    other: str
+    free: str
+    error: str
+    good: str
+    mark: str
+
+
+LIGHT: Final = Theme(
+    page="#f6f7f8",
+    surface="#ffffff",
+    ink="#1b1f23",
+    muted="#5c6670",
+    line="#dfe3e7",
+    accent="#0072B2",
+    measured="#31373d",
+    model="#0072B2",
+    other="#E69F00",
+    free="#009E73",
+    error="#D55E00",
+    good="#009E73",
+    mark="#E69F00",
+)
+DARK: Final = Theme(
+    page="#101316",
+    surface="#171b1f",
+    ink="#e4e7ea",
+    muted="#98a2ac",
+    line="#2b3238",
+    accent="#56B4E9",
+    measured="#c9d0d6",
+    model="#56B4E9",
+    other="#E69F00",
+    free="#2fc79a",
+    error="#f0803c",
+    good="#2fc79a",
+    mark="#E69F00",
+)
+CHART_CONFIG: Final = {"displayModeBar": False, "scrollZoom": True, "doubleClick": "reset", "showTips": False}
+STILL_CONFIG: Final = {"displayModeBar": False, "scrollZoom": False, "doubleClick": False, "showTips": False}
+FONT: Final = "Roboto, system-ui, sans-serif"
+
+
+def of(dark: bool) -> Theme:
+    """The colours by day or by night."""
+    return DARK if dark else LIGHT
+
+
+def faint(color: str, share: float) -> str:
+    """A colour of which `share` covers what lies below."""
+    red, green, blue = (int(color[i : i + 2], 16) for i in (1, 3, 5))
+    return f"rgba({red},{green},{blue},{share})"
+
+
+def axis(theme: Theme, **own: Any) -> dict[str, Any]:
+    """An axis of a chart."""
+    return {
+        "gridcolor": theme.line,
+        "zerolinecolor": theme.line,
+        "linecolor": theme.line,
+        "tickfont": {"size": 11, "color": theme.muted},
+        "title": {"font": {"size": 12, "color": theme.muted}, "standoff": 8},
+        "automargin": False,
+        **own,
+    }
+
+
+def layout(theme: Theme, height: int, **own: Any) -> dict[str, Any]:
+    """What all charts share."""
+    return {
+        "height": height,
+        "margin": {"l": 60, "r": 14, "t": 14, "b": 44},
+        "paper_bgcolor": "rgba(0,0,0,0)",
+        "plot_bgcolor": "rgba(0,0,0,0)",
+        "font": {"family": FONT, "size": 12, "color": theme.ink},
+        "showlegend": False,
+        "hoverlabel": {
+            "bgcolor": theme.surface,
+            "bordercolor": theme.line,
+            "font": {"size": 12, "color": theme.ink, "family": FONT},
+        },
+        "autosize": True,
+        **own,
+    }
+
+
+def style_sheet() -> str:
+    """The page's CSS: variables for both themes, and what Quasar's components are missing."""
+    names = ("page", "surface", "ink", "muted", "line", "accent", "good", "error", "other")
+    light, dark = (";".join(f"--{name}:{getattr(one, name)}" for name in names) for one in (LIGHT, DARK))
+    return f":root{{{light}}}\nbody.body--dark{{{dark}}}\n{RULES}"
+
+
+RULES: Final = """
+body { --q-primary: var(--accent); }
+body { background: var(--page) !important; color: var(--ink); font-size: 14px; line-height: 1.5;
+  font-family: Roboto, system-ui, sans-serif; -webkit-font-smoothing: antialiased; }
+.nicegui-content { padding: 0 !important; align-items: stretch; }
+.nicegui-sub-pages { width: 100%; align-items: stretch; }
+p { margin: 0; }
+.title { font-size: 22px; font-weight: 500; line-height: 1.3; letter-spacing: -.005em; }
+.subtitle { font-size: 15px; font-weight: 500; line-height: 1.4; letter-spacing: 0; }
+.lead { color: var(--muted); max-width: 74ch; }
+.quiet { color: var(--muted); } .small { font-size: 12.5px; } .strong { font-weight: 500; }
+.num { font-variant-numeric: tabular-nums; } .good { color: var(--good); } .bad { color: var(--error); }
+.mono { font-family: ui-monospace, "DejaVu Sans Mono", Menlo, Consolas, monospace; font-size: 12.5px; }
+.measure { max-width: 74ch; }
+.rail { width: 212px; flex: none; height: 100vh; position: sticky; top: 0; border-right: 1px solid var(--line);
+  background: var(--surface); padding: 20px 12px 16px; display: flex; flex-direction: column; gap: 2px; }
+.brand { font-size: 15px; font-weight: 500; padding: 0 10px 16px; }
+.step { display: flex; gap: 10px; align-items: baseline; padding: 7px 10px; border-radius: 6px; color: var(--ink)
+  !important;
+  text-decoration: none !important; border-left: 0; }
+.step .nr { color: var(--muted); width: 14px; font-variant-numeric: tabular-nums; font-size: 12.5px; }
+.step .sub { color: var(--muted); font-size: 12px; line-height: 1.35; display: block; }
+.step:hover { background: color-mix(in srgb, var(--ink) 5%, transparent); }
+.step.here { background: color-mix(in srgb, var(--accent) 12%, transparent); }
+.step.here .nr, .step.here .name { color: var(--accent); font-weight: 500; }
+.main { flex: 1; min-width: 0; padding: 26px 32px 96px; display: flex; flex-direction: column; gap: 20px;
+  max-width: 1420px; }
+.card { background: var(--surface); border: 1px solid var(--line); border-radius: 8px; padding: 16px 18px; width:
+  100%;
+  display: flex; flex-direction: column; gap: 10px; min-width: 0; }
+.card.pick { cursor: pointer; text-align: left; } .card.pick:hover { border-color: var(--accent); }
+.grid2 { display: grid; grid-template-columns: 1fr 1fr; gap: 16px; width: 100%; align-items: stretch; }
+.grid3 { display: grid; grid-template-columns: repeat(3, 1fr); gap: 16px; width: 100%; align-items: stretch; }
+.wide-left { grid-template-columns: minmax(0, 1.35fr) minmax(0, 1fr); }
+.grid2 > *, .grid3 > * { min-width: 0; }
+@media (max-width: 1150px) { .rail { width: 176px; } .main { padding: 20px 20px 96px; }
+  .wide-left, .grid3 { grid-template-columns: 1fr; } .evidence { grid-template-columns: 1fr 1fr; } }
+table.figures { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums; }
+table.figures th { font-weight: 400; color: var(--muted); font-size: 12.5px; text-align: right; padding: 4px 12px
+  6px; }
+table.figures td { text-align: right; padding: 6px 12px; border-top: 1px solid var(--line); white-space: nowrap; }
+table.figures th:first-child, table.figures td:first-child { text-align: left; padding-left: 0; white-space: normal; }
+table.figures td.words, table.figures th.words { text-align: left; }
+table.figures td:last-child, table.figures th:last-child { padding-right: 0; }
+.hint { text-decoration: underline dotted var(--muted); text-underline-offset: 3px; cursor: help; }
+.legend { display: flex; gap: 18px; flex-wrap: wrap; font-size: 12.5px; color: var(--muted); align-items: center; }
+.key { display: inline-block; width: 18px; height: 0; border-top: 2px solid; margin-right: 7px; vertical-align:
+  middle; }
+.key.patch { height: 10px; border: 0; border-radius: 2px; }
+.bar { height: 6px; border-radius: 3px; background: var(--line); position: relative; overflow: hidden; width: 100%; }
+.bar > div { position: absolute; inset: 0 auto 0 0; border-radius: 3px; }
+.verdict { border-left: 3px solid var(--accent); padding: 4px 0 4px 16px; font-size: 17px; line-height: 1.5;
+  max-width: 80ch; }
+.verdict.calm { border-color: var(--good); } .verdict.open { border-color: var(--other); }
+.formula { background: color-mix(in srgb, var(--ink) 4%, transparent); border-radius: 6px; padding: 9px 12px;
+  overflow-x: auto; white-space: pre-wrap; }
+.figure { font-size: 24px; font-weight: 400; line-height: 1.2; font-variant-numeric: tabular-nums; white-space:
+  nowrap; }
+.figure small { font-size: 13px; color: var(--muted); margin-left: 4px; }
+.dock { position: fixed; bottom: 20px; left: 50%; transform: translateX(-50%); z-index: 50; background:
+  var(--surface);
+  border: 1px solid var(--line); border-radius: 10px; box-shadow: 0 6px 28px rgba(0,0,0,.16);
+  padding: 10px 14px 10px 18px;
+  display: flex; gap: 14px; align-items: center; min-width: 420px; max-width: 680px; }
+.chip { border: 1px solid var(--line); border-radius: 12px; padding: 1px 10px; font-size: 12px; color: var(--muted); }
+.chip.now { border-color: var(--accent); color: var(--accent); }
+.row-button { width: 100%; text-align: left; border: 0; background: none; padding: 8px 10px; border-radius: 6px;
+  color: inherit;
+  font: inherit; cursor: pointer; display: block; }
+.row-button:hover { background: color-mix(in srgb, var(--ink) 5%, transparent); }
+.row-button.here { background: color-mix(in srgb, var(--accent) 12%, transparent); }
+:focus-visible { outline: 2px solid var(--accent) !important; outline-offset: 2px; }
+.q-btn { text-transform: none; font-weight: 500; letter-spacing: 0; }
+.q-btn .q-icon { font-size: 18px; } .q-btn .on-left { margin-right: 8px; }
+.q-btn .q-focus-helper { display: none; }
+.q-btn.bg-primary { background: var(--accent) !important; } body.body--dark .q-btn.bg-primary { color: #0b1116
+  !important; }
+.q-field--outlined .q-field__control { border-radius: 6px; } .q-field__native, .q-field__input { font-size: 14px; }
+.q-tooltip { font-size: 12.5px; line-height: 1.45; max-width: 340px; background: #22272c; padding: 8px 11px; }
+.q-uploader { width: 100%; box-shadow: none; border: 1.5px dashed var(--line); border-radius: 8px; background:
+  transparent !important; }
+.q-uploader__header { background: transparent !important; color: var(--ink) !important; }
+.q-uploader__subtitle { display: none; }
+.q-uploader__list { min-height: 96px; padding: 8px; }
+.js-plotly-plot .plotly .cursor-crosshair { cursor: crosshair; }
+a { color: var(--accent); }
+"""

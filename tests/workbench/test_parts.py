@@ -1,0 +1,227 @@
+"""The parts of the workbench that need no browser."""
+
+import asyncio
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("nicegui", reason="the extra workbench is not installed")
+
+from cruise.can.frame import Frame
+from cruise.recording import ColumnSettings
+from cruise.service.course import Drive, FieldRow, OperatorRow
+from cruise.service.cruise_node import CruiseNode
+from cruise.service.recordings import ReadingSettings
+from cruise.workbench import jobs
+from cruise.workbench.downsample import extremes, window
+from cruise.workbench.examples import EXAMPLES, drive, make
+from cruise.workbench.guard import COOKIE, Guard
+from cruise.workbench.live import Row, Twin, again_and_again, worse_since
+from cruise.workbench.uploads import plain
+from cruise.workbench.views.mapping import AS_IT_IS, guessed, reading_of
+
+
+def test_downsampling_keeps_every_extreme():
+    rng = np.random.default_rng(3)
+    time_s = np.arange(72_000) * 0.05
+    values = rng.normal(size=72_000)
+    values[[17, 40_003, 71_999]] = 50.0, -60.0, 70.0
+    x, y = extremes(time_s, values, 1000)
+    assert len(y) <= 2100
+    assert {50.0, -60.0, 70.0} <= set(y)
+    assert np.all(np.diff(x) > 0.0)
+    buckets = values[:72_000].reshape(1000, 72)
+    assert set(buckets.max(axis=1)) <= set(y)
+    assert set(buckets.min(axis=1)) <= set(y)
+
+
+def test_downsampling_keeps_holes_and_short_curves():
+    time_s = np.arange(10_000.0)
+    values = np.sin(time_s / 300.0)
+    values[5_003] = np.nan
+    x, y = extremes(time_s, values, 100)
+    assert np.isnan(y).sum() == 1
+    assert x[np.isnan(y)] == 5_003.0
+    short, same = extremes(time_s[:50], values[:50], 100)
+    assert len(short) == len(same) == 50
+
+
+def test_a_window_holds_what_it_touches():
+    time_s = np.arange(0.0, 10.0, 1.0)
+    assert time_s[window(time_s, 2.5, 4.5)].tolist() == [2.0, 3.0, 4.0, 5.0]
+
+
+def test_an_example_is_driven_once_and_the_same_every_time(tmp_path):
+    example = EXAMPLES[0]
+    path = make(example, tmp_path)
+    written = path.stat().st_mtime_ns
+    assert make(example, tmp_path).stat().st_mtime_ns == written
+    first, again = drive(example), drive(example)
+    np.testing.assert_array_equal(first.output, again.output)
+    assert abs(np.nanmax(first.columns["pitch_deg"])) > 4.0
+
+
+def shouting(times: int, show: jobs.Any) -> int:
+    for k in range(times):
+        show(f"word {k}", k)
+    return times
+
+
+def sleeping(show: jobs.Any) -> None:
+    show("asleep")
+    time.sleep(600.0)
+
+
+def refusing(show: jobs.Any) -> None:
+    raise ValueError("not like this")
+
+
+def breaking(show: jobs.Any) -> None:
+    raise ZeroDivisionError
+
+
+def ended(job: jobs.Job) -> jobs.Job:
+    until = time.monotonic() + 60.0
+    while job.running and time.monotonic() < until:
+        job.poll()
+        time.sleep(0.01)
+    return job
+
+
+def test_a_job_says_what_it_does_and_hands_over_what_is_there():
+    job = ended(jobs.Job("", shouting, (3,), ()))
+    assert job.told == ["word 0", "word 1", "word 2"]
+    assert (job.part, job.result, job.fault) == (2, 3, "")
+
+
+def test_a_job_is_stopped_at_once():
+    job = jobs.Job("", sleeping, (), ())
+    until = time.monotonic() + 60.0
+    while not job.told and time.monotonic() < until:
+        job.poll()
+        time.sleep(0.01)
+    begin = time.monotonic()
+    job.cancel()
+    assert time.monotonic() - begin < 5.0
+    assert not job.running
+    assert job.result is None
+
+
+def test_mistakes_of_the_user_are_said_and_bugs_are_shown():
+    assert ended(jobs.Job("", refusing, (), (ValueError,))).fault == "not like this"
+    assert "ZeroDivisionError" in ended(jobs.Job("", breaking, (), (ValueError,))).fault
+
+
+@pytest.mark.parametrize(
+    ("name", "kept"),
+    [
+        ("../../etc/passwd.csv", "passwd.csv"),
+        ("C:\\temp\\drive one.csv", "drive_one.csv"),
+        ("..", "recording"),
+        (".hidden.csv", "hidden.csv"),
+        ("/", "recording"),
+    ],
+)
+def test_an_upload_never_leaves_its_folder(name, kept):
+    assert plain(name) == kept
+    assert "/" not in plain(name)
+
+
+def asked(token: str, host: str, query: str = "", cookie: str = "", kind: str = "http") -> tuple[list, bool]:
+    """What a request gets, and whether it came through."""
+    sent, through = [], []
+
+    async def app(scope, receive, send):
+        through.append(scope)
+        if scope["type"] == "http":
+            await send({"type": "http.response.start", "status": 200, "headers": []})
+
+    async def receive():
+        return {}
+
+    async def send(message):
+        sent.append(message)
+
+    headers = [(b"host", host.encode()), (b"cookie", cookie.encode())]
+    scope = {"type": kind, "headers": headers, "query_string": query.encode()}
+    asyncio.run(Guard(app, token)(scope, receive, send))
+    return sent, bool(through)
+
+
+def test_from_outside_only_the_token_opens():
+    assert asked("secret", "10.0.0.7:8080")[0][0]["status"] == 401
+    assert not asked("secret", "10.0.0.7:8080", "token=guess")[1]
+    sent, through = asked("secret", "10.0.0.7:8080", "token=secret")
+    assert through
+    assert dict(sent[0]["headers"])[b"set-cookie"].startswith(f"{COOKIE}=secret; HttpOnly".encode())
+    assert asked("secret", "10.0.0.7:8080", cookie=f"{COOKIE}=secret")[1]
+    assert not asked("secret", "10.0.0.7:8080", cookie=f"{COOKIE}=other", kind="websocket")[1]
+
+
+def test_on_this_machine_no_page_of_another_site_gets_in():
+    assert asked("", "127.0.0.1:8080")[1]
+    assert asked("", "[::1]:8080")[1]
+    assert not asked("", "evil.example:8080")[1]
+    assert asked("", "evil.example", kind="websocket")[0] == [{"type": "websocket.close", "code": 1008}]
+
+
+def test_columns_are_guessed_and_meant():
+    names = ["time_s", "pump_curent_ma", "v", "engine_speed_rpm"]
+    found = guessed(names, ["time_s", "pump_current_ma", "ground_speed_mps", "engine_speed_rpm"])
+    assert found == {"time_s": "time_s", "pump_curent_ma": "pump_current_ma", "engine_speed_rpm": "engine_speed_rpm"}
+    meant = {
+        "t": ("time_s", "ms"),
+        "I": ("pump_current_ma", "A"),
+        "v": ("ground_speed_mps", "km/h"),
+        "n": ("engine_speed_rpm", "rpm"),
+        "x": (AS_IT_IS, "-"),
+    }
+    reading = reading_of(ReadingSettings(), meant)
+    assert (reading.time, reading.input, reading.output) == ("t", "I", "v")
+    assert reading.columns["v"] == ColumnSettings(scale=1 / 3.6)
+    assert reading.columns["n"] == ColumnSettings(signal="engine_speed_rpm")
+    assert "x" not in reading.columns
+
+
+def rows(errors: list[float]) -> list[Row]:
+    return [Row(float(k), 1.0, 1.0, 500.0, 1.0, 1.0, error, error, 0.3) for k, error in enumerate(errors)]
+
+
+def test_a_model_that_has_become_worse_is_noticed_with_its_time():
+    assert worse_since(rows([0.05] * 100)) is None
+    assert worse_since(rows([0.05] * 100 + [0.2] * 20)) == 100.0
+    assert worse_since(rows([0.05] * 50 + [0.2] * 10 + [0.05] * 50)) is None, "it has become good again"
+    assert worse_since(rows([0.2] * 30)) is None, "nothing is usual yet"
+
+
+def test_the_demo_drives_on_and_on():
+    drive = Drive(
+        seconds=100.0,
+        field=(FieldRow(at_s=10.0, grade_deg=3.0),),
+        operator=(OperatorRow(at_s=1.0, press="set"), OperatorRow(at_s=30.0, setpoint_mps=1.4)),
+    )
+    longer = again_and_again(drive, 3)
+    assert longer.seconds == 300.0
+    assert [row.at_s for row in longer.field] == [10.0, 110.0, 210.0]
+    assert [row.at_s for row in longer.operator] == [1.0, 30.0, 130.0, 230.0]
+
+
+def test_the_twin_listens_and_sends_nothing(tmp_path):
+    class Service(CruiseNode):
+        period_s = 0.05
+
+        def __init__(self):
+            self.ticks = 0
+
+        def tick(self, now_s):
+            self.ticks += 1
+            return [Frame(timestamp=now_s, arbitration_id=1, data=b"forward")]
+
+    service = Service()
+    twin = Twin(service, tmp_path / "live.log")
+    assert twin.tick(0.05) == []
+    assert service.ticks == 1
+    twin.writer.close()
+    assert Path(tmp_path / "live.log").exists()

@@ -1,0 +1,144 @@
+"""The work of one tab without a browser: steps, parameters by hand, the report, the command lines that do it all."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("nicegui", reason="the extra workbench is not installed")
+
+from cruise import settings
+from cruise.cli.workbench import tools
+from cruise.cli.workbench_jobs import added, by_hand, compared
+from cruise.effects import Custom, Stage
+from cruise.model import files
+from cruise.model.files import CustomTerm
+from cruise.recording import ColumnSettings
+from cruise.service.recordings import ReadingSettings
+from cruise.workbench import commands, report
+from cruise.workbench.by_hand import changed, judged, settings_of
+from cruise.workbench.examples import EXAMPLES, drive
+from cruise.workbench.found import Opened, Question, Source
+from cruise.workbench.session import MODEL, Session, Step
+from cruise.workbench.views.failing import stretches_of
+
+
+def quiet(text: str, part: object = None) -> None:
+    """Nobody listens."""
+
+
+@pytest.fixture(scope="module")
+def recording():
+    """Four minutes of the drive with the hidden slope."""
+    return drive(replace(EXAMPLES[0], seconds=240.0))
+
+
+@pytest.fixture(scope="module")
+def begun(recording):
+    """The model before."""
+    return compared([recording], Question(MODEL), quiet)
+
+
+@pytest.fixture(scope="module")
+def better(recording, tmp_path_factory):
+    """The model with the slope."""
+    return added([recording], Question(MODEL), "grade", tmp_path_factory.mktemp("models") / "better.yaml", quiet)
+
+
+@pytest.fixture
+def session(recording, begun, better, tmp_path):
+    """A session in which the slope was added."""
+    one = Session(tools(ReadingSettings(), cache=tmp_path))
+    source = Source((Path("monday's drive.csv"),), ReadingSettings(), "<b>monday</b>")
+    one.opened = Opened(source, (recording,), ())
+    one.steps = [
+        Step(MODEL, Question(MODEL), begun),
+        Step("+ grade", Question(str(better.path)), better.compared, better),
+    ]
+    one.at = 1
+    yield one
+    one.close()
+    assert not one.folder.exists()
+
+
+def test_adding_lets_the_error_fall_to_the_floor(begun, better):
+    assert better.error_after_mps < 0.2 * better.error_before_mps
+    assert better.compared.error_mps < 0.2 * begun.error_mps
+    assert files.read(better.path) == better.file
+
+
+def test_the_heat_map_knows_the_cell_of_every_sample(begun):
+    cells = begun.cells
+    known = np.concatenate(cells.number)
+    size = len(cells.row_labels) * len(cells.column_labels)
+    share = np.bincount(known[known >= 0], minlength=size).reshape(cells.time_share.shape)
+    judged_samples = np.isfinite(np.concatenate(begun.predicted.errors_mps)).sum()
+    np.testing.assert_allclose(share / judged_samples, cells.time_share, atol=1e-12)
+    cell = np.unravel_index(np.argmax(cells.error_share), cells.error_share.shape)
+    marks, worst = stretches_of(cells, begun, (int(cell[0]), int(cell[1])), 0)
+    assert worst is not None
+    assert [mark for mark in marks if mark.strong] == [worst]
+
+
+def test_by_hand_begins_where_the_fit_ended_and_shows_what_it_costs(better):
+    values = {one.name: one.value for one in settings_of(better.file)}
+    assert judged(better.file, values, better.compared) == pytest.approx(better.compared.error_mps, rel=1e-6)
+    assert judged(better.file, values | {"grade.load": 0.0}, better.compared) > 5.0 * better.compared.error_mps
+    core, model = changed(better.file, values | {"delay_s": 0.9})
+    assert core.delay_s == 0.9
+    assert model.delay == 4
+
+
+def test_what_was_set_by_hand_is_a_model_file_that_every_verb_reads(recording, better, tmp_path):
+    values = {one.name: one.value for one in settings_of(better.file)} | {"grade.load": 0.2}
+    kept = by_hand([recording], Question(str(better.path)), better, values, "by hand", tmp_path / "hand.yaml", quiet)
+    file = files.read(kept.path)
+    files.model_of(kept.path, file)
+    assert file.core is not None
+    assert file.core.loads_mps == {"grade": 0.2}
+    assert kept.error_after_mps > kept.error_before_mps
+
+
+def test_a_term_of_ones_own_is_fitted_and_written_into_the_file(recording, tmp_path):
+    term = CustomTerm(name="hill", stage=Stage.LOAD, expression="p1*pitch_deg", bounds={"p1": (-1.0, 1.0)})
+    found = added([recording], Question(MODEL), term, tmp_path / "hill.yaml", quiet)
+    assert found.error_after_mps < 0.2 * found.error_before_mps
+    assert isinstance(files.load(found.path).effects[0], Custom)
+
+
+def test_undo_and_redo_go_along_the_steps_and_not_beyond(session):
+    session.redo()
+    assert session.at == 1
+    session.undo()
+    assert session.step.added is None
+    session.undo()
+    assert session.at == 0
+    session.redo()
+    assert session.step.name == "+ grade"
+
+
+def test_the_command_lines_do_the_same(session):
+    lines = commands.lines(session)
+    assert lines[0] == f"cruise compare 'monday'\"'\"'s drive.csv' --model {MODEL}"
+    assert f"cruise add grade --model {MODEL} 'monday'\"'\"'s drive.csv' -o better.yaml" in lines
+    session.undo()
+    assert len(commands.lines(session)) == 1
+
+
+def test_what_the_columns_mean_is_a_settings_file(session, tmp_path):
+    reading = ReadingSettings(input="I", columns={"v": ColumnSettings(signal="wheel_speed_mps", scale=1 / 3.6)})
+    session.opened = replace(session.opened, source=replace(session.opened.source, reading=reading))
+    path = tmp_path / commands.COLUMNS
+    path.write_text(commands.column_settings(session))
+    assert settings.load(path, ReadingSettings) == reading
+    assert commands.lines(session)[0].endswith(f"--columns {commands.COLUMNS}")
+
+
+def test_the_report_holds_everything_and_runs_nothing(session, better):
+    text = report.as_html(session)
+    assert "&lt;b&gt;monday&lt;/b&gt;" in text
+    assert "<script" not in text
+    assert text.count("data:image/png;base64,") == 2
+    assert f"{better.compared.figures[0].rmse_mps:.4f}" in text
+    assert report.as_pdf(session).startswith(b"%PDF")

@@ -318,7 +318,7 @@ def _place(
 
 
 def _margin_of_the_end(steps: Sequence[Step], chosen: Sequence[str]) -> float:
-    """Evidence by which the search was short of going on; where a curve has the word, by which the effects lost it."""
+    """Evidence by which the search was short of going on or of ending earlier; for a curve, by which it has a say."""
     last = steps[-1].tried
     named = [one.counted for one in steps[0].tried if not one.name.startswith(UNNAMED)]
     if chosen and chosen[0].startswith(UNNAMED):
@@ -326,7 +326,10 @@ def _margin_of_the_end(steps: Sequence[Step], chosen: Sequence[str]) -> float:
         return mine.counted - _curved(mine) - max(named, default=0.0)
     enough, least = (FURTHER, LEAST_FURTHER) if chosen else (ENOUGH, LEAST_GAIN)
     rest = [one for one in last if one.name not in chosen and not one.name.startswith(UNNAMED)]
-    return max(enough - max((one.counted for one in rest if one.gain > 0.5 * least), default=0.0), LEAST_MARGIN)
+    short = [max(enough - one.counted, enough * (1.0 - max(one.gain, 0.0) / least)) for one in rest]
+    found = [next(one for step in steps for one in step.tried if one.name == name) for name in chosen]
+    over = [one.counted - ENOUGH for one in found if one.sureness < BEYOND_DOUBT]
+    return max(min([*short, *over], default=enough), LEAST_MARGIN)
 
 
 def _ranking(base: Judged, first: Step, chosen: Sequence[str], confidence: float) -> tuple[Ranked, ...]:

@@ -254,36 +254,34 @@ def _ranking(console: Console, found: Diagnosis) -> None:
     study = found.study
     before = found.ranking[0].error_before_mps if found.ranking else math.nan
     title = f"each effect alone beside the model, {study.horizon_s:g} s ahead, held out; without: {figure(before)} m/s"
-    table = _table(title, "effect", "error m/s", "explains %", "t", "evidence", "confidence", "")
+    table = _table(title, "effect", "error m/s", "less %", "t", "evidence", "confidence", "")
     tried = {one.name: one for one in found.steps[0].tried}
     for one in found.ranking[:LINES]:
         trial = tried[one.effect]
         step = found.effects.index(one.effect) + 1 if one.effect in found.effects else 1
-        later = f"in step {step}" if step > 1 and found.verdict is Verdict.MISSING else ""
+        later = f"step {step}" if step > 1 and found.verdict is Verdict.MISSING else ""
         table.add_row(
             one.effect, figure(one.error_after_mps), f"{round(100 * trial.gain)}", f"{trial.sureness:.1f}",
-            f"{trial.evidence:.0f}", confidence(one.confidence), _credit(trial) or later,
+            f"{trial.counted:.0f}{'*' if trial.credit < 1.0 else ''}", confidence(one.confidence), later,
         )  # fmt: skip
     unnamed = evidence.best_unnamed(found)
     if unnamed is not None:
         name = f"any curve of {unnamed.name.removeprefix(UNNAMED)}"
         table.add_row(
             name, _error(found, unnamed.judged), f"{round(100 * unnamed.gain)}",
-            f"{unnamed.sureness:.1f}", f"{unnamed.evidence:.0f}", "", "no physics", style="dim",
+            f"{unnamed.sureness:.1f}", f"{unnamed.evidence:.0f}", "", "", style="dim",
         )  # fmt: skip
     console.print()
     console.print(table)
-    _print(console, "t: standard errors by which the squared error fell, over blocks of time")
+    _print(console, "less %: by which the squared error fell; t: the same in standard errors, over blocks of time")
     _print(console, f"evidence: beside a little of every other effect; {ENOUGH:g} is enough for a name")
+    if any(one.credit < 1.0 for one in tried.values()):
+        _print(console, "*: only what counts of it, for its signal answers to the drive itself")
     rest = len(found.ranking) - LINES
     if rest > 0:
         _print(console, f"and {count_of(rest, 'effect')} more that explain less (--json has them all)")
     if found.verdict is Verdict.NOTHING:
         _list(console, "what could have hidden", _hidden(found))
-
-
-def _credit(trial: Tried) -> str:
-    return f"counts {100 * trial.credit:.0f} %" if trial.credit < 1.0 else ""
 
 
 def _hidden(found: Diagnosis) -> list[str]:

@@ -7,7 +7,7 @@ the second (0) to the real ones (1).
 """
 
 from math import inf
-from typing import Annotated
+from typing import Annotated, Final
 
 from msgspec import Meta, Struct, structs
 
@@ -62,6 +62,27 @@ class EffectFactors(Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     sensor_delay: NotNegative = 1.0  # delay of every sensor
     sensor_bias: NotNegative = 1.0  # bias of every sensor
     sampling_jitter: NotNegative = 1.0  # jitter of the sampling instants
+
+
+LINEAR: Final = EffectFactors(
+    solenoid_lag=0,
+    hysteresis=0,
+    dead_zone=0,
+    quadratic_gain=0,
+    saturation=0,
+    load_sensitivity=0,
+    rate_limit=0,
+    engine_droop=0,
+    power_limit=0,
+    compressibility=0,
+    entrained_air=0,
+    oil_temperature=0,
+    oil_warming=0,
+    relief_valve=0,
+    coulomb_friction=0,
+    wheel_slip=0,
+)
+"""Off is all that bends; delay, lags, inertia, viscous drag and what gear and ground do are left."""
 
 
 class PlantSettings(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

@@ -24,6 +24,7 @@ SEED: Final = 20051  # of the bootstrap
 ENOUGH: Final = 60.0  # evidence from which an effect is more than a little of everything,
 FURTHER: Final = 75.0  # and a further one, as no form of the first is exact
 LEAST_GAIN: Final = 0.15  # of the present loss: errors that fall by less than 8 % are not worth a name
+LEAST_LEFT: Final = 1e-9  # of the loss: what is left of it where there is no noise at all
 LEAST_SHARE: Final = 0.01  # of the first loss, for every further effect
 LEAST_FURTHER: Final = 0.25  # of the present loss, for every further effect: the form of the first is never exact
 SURE: Final = 1.6  # standard errors of a held-out gain; a few blocks may hold all of it
@@ -33,6 +34,7 @@ CURVED: Final = (60.0, 0.05)  # evidence, and share of it, by which a free curve
 MEDIATED: Final = 0.3  # of what the best cause leaves: all that a signal may leave through which every force acts
 SUPERFLUOUS: Final = 0.5  # of ENOUGH: what an effect must still bring beside the others
 MOST_EFFECTS: Final = 4
+MOST_STEPS: Final = 8  # two effects that drop each other would go on for ever
 ALIKE: Final = 8.0  # evidence below which no form of a model is exact enough to decide,
 LOOSE: Final = 1.2  # unless the loss decides
 HALF_MARGIN: Final = 12.0  # margin taken to be as often right as wrong: by eye, not yet by tools/blind_trial calibrate
@@ -169,7 +171,7 @@ def _forward(
     steps: list[Step] = []
     chosen: list[str] = []
     refused: list[Refused] = []
-    while len(chosen) < MOST_EFFECTS:
+    while len(chosen) < MOST_EFFECTS and len(steps) < MOST_STEPS:
         possible, cannot = candidates(study.recordings, present.explanation)
         refused = refused or cannot
         curves = unnamed(study.recordings, present.explanation) if not steps else []
@@ -247,18 +249,22 @@ def _tried(
         if one.candidate in MEDIATORS and one.loss > MEDIATED * min(least, present.loss):
             credit[one.candidate] = 0.0
     background.settle({name: credit[name] for name in named})
-    tried, blocks = [], int(np.count_nonzero(present.weight))  # a block of time counts as one independent error
+    tried = []
     for one in judged:
-        share = gain(present, one)
-        evidence = background.evidence(one.candidate) - blocks * math.log(1.0 - share)
-        tried.append(Tried(one.candidate, share, evidence, credit[one.candidate], sureness(present, one, rng), one))
+        evidence = background.evidence(one.candidate) + _held_out(present, one)
+        sure = sureness(present, one, rng)
+        tried.append(Tried(one.candidate, gain(present, one), evidence, credit[one.candidate], sure, one))
     return Step(present, tuple(sorted(tried, key=_counted, reverse=True)), background)
+
+
+def _held_out(without_it: Judged, one: Judged) -> float:
+    """Evidence in the held-out errors as they are: a block of time counts as one independent error."""
+    return -int(np.count_nonzero(without_it.weight)) * math.log(max(1.0 - gain(without_it, one), LEAST_LEFT))
 
 
 def _together(first: Step, one: Judged, names: Sequence[str]) -> float:
     """Evidence for several effects at once, against the model as it was first."""
-    blocks = int(np.count_nonzero(first.before.weight))
-    return first.background.evidence_of(one.fit, names) - blocks * math.log(1.0 - gain(first.before, one))
+    return first.background.evidence_of(one.fit, names) + _held_out(first.before, one)
 
 
 def _counted(one: Tried) -> float:

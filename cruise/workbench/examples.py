@@ -12,11 +12,12 @@ from typing import Final
 import numpy as np
 from msgspec.structs import replace
 
-from cruise.plant import Combine, EffectFactors, Inputs, PlantSettings, SensorReading
+from cruise.plant import Combine, Inputs, PlantSettings, SensorReading
 from cruise.plant.engine import EngineSettings
 from cruise.plant.line import LineSettings
 from cruise.plant.pump import PumpSettings
 from cruise.plant.sensors import SensorsSettings
+from cruise.plant.settings import LINEAR
 from cruise.plant.vehicle import TransmissionSettings, VehicleSettings
 from cruise.recording import Recording, write_csv
 from cruise.sampling import SamplingSettings, StreamSampler
@@ -30,30 +31,10 @@ UNEVEN_DEG: Final = 0.6  # of a field that is called level
 SHOWN: Final = tuple(name for name in CONTEXT if name != "line_pressure_bar")  # few machines measure it
 FAST_SENSOR: Final = "drive_feedback"  # whose speed it is; the radar shows one too
 
-# Off is all that bends; delay, lags, inertia and viscous drag are left, which are linear.
-LINEAR: Final = EffectFactors(
-    solenoid_lag=0,
-    hysteresis=0,
-    dead_zone=0,
-    quadratic_gain=0,
-    saturation=0,
-    load_sensitivity=0,
-    rate_limit=0,
-    engine_droop=0,
-    power_limit=0,
-    compressibility=0,
-    entrained_air=0,
-    oil_temperature=0,
-    oil_warming=0,
-    relief_valve=0,
-    coulomb_friction=0,
-    wheel_slip=0,
-    rolling_resistance=0,
-)
 # A worn pump that leaks, so that the drive gives way to a force at all; an engine that no load slows; a pitch sensor
 # with a gyroscope, which does not take acceleration for slope.
 WORN: Final = PlantSettings(
-    effects=LINEAR,
+    effects=replace(LINEAR, rolling_resistance=0),
     pump=PumpSettings(servo_lag_s=0.3, transport_delay_s=0.35),
     engine=EngineSettings(
         inertia_kgm2=1e5, governor_gain_nm_per_radps=1e6, governor_integral_nm_per_rad=1e6, drag_torque_nm=1e6
@@ -94,7 +75,7 @@ EXAMPLES: Final = (
         "missing.",
         480.0,
         9,
-        replace(WORN, effects=replace(LINEAR, grade=0)),
+        replace(WORN, effects=replace(WORN.effects, grade=0)),
     ),
     Example(
         "one-hour",

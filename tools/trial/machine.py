@@ -16,12 +16,12 @@ from typing import Final
 import numpy as np
 from msgspec.structs import replace
 
-from cruise.plant import EffectFactors, PlantSettings
+from cruise.plant import PlantSettings
 from cruise.plant.engine import EngineSettings
 from cruise.plant.line import LineSettings
 from cruise.plant.pump import PumpSettings
 from cruise.plant.sensors import DriveFeedbackSettings, SensorSettings, SensorsSettings
-from cruise.plant.settings import SECOND
+from cruise.plant.settings import LINEAR, SECOND
 from cruise.plant.vehicle import TransmissionSettings, VehicleSettings
 
 from .course import RATED_RPM, Course, FloatArray
@@ -31,25 +31,7 @@ STREAM: Final = 2
 STEPS: Final = 3  # of the plant in a sample: 17 ms, a sixth of the fastest lag
 STIFF: Final = 1e4  # inertia and governor of the base machine's engine over the real ones: no load slows it
 
-OFF: Final = EffectFactors(
-    solenoid_lag=0,
-    hysteresis=0,
-    dead_zone=0,
-    quadratic_gain=0,
-    saturation=0,
-    load_sensitivity=0,
-    rate_limit=0,
-    engine_droop=0,
-    power_limit=0,
-    compressibility=0,
-    entrained_air=0,
-    oil_temperature=0,
-    oil_warming=0,
-    relief_valve=0,
-    gear_ratio=0,
-    coulomb_friction=0,
-    wheel_slip=0,
-)
+OFF: Final = replace(LINEAR, gear_ratio=0)
 """Off is what bends or depends on a context signal; the rest is linear or set by the inputs."""
 
 # The trial reads the machine's state itself, at its own instants; the plant's sensors would only take time.

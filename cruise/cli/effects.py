@@ -1,7 +1,6 @@
 """`cruise effects`: the physical effects that the model knows, each explained."""
 
 import difflib
-import inspect
 import json
 import textwrap
 from pathlib import Path
@@ -16,6 +15,7 @@ from cruise.cli import effects_picture
 from cruise.cli.reading import PICTURES, AsJson, destination
 from cruise.effects import EFFECTS, Effect, Parameter, Stage
 from cruise.effects.custom import Custom
+from cruise.report.effect import headline, paragraphs
 from cruise.settings import SettingsError
 from cruise.signals import SIGNALS
 
@@ -91,19 +91,10 @@ def report(effect: Effect) -> dict[str, Any]:
     }
 
 
-def headline(effect: Effect) -> str:
-    """What the effect is in one sentence: the first of its module."""
-    return " ".join(_paragraphs(effect)[0].split())
-
-
 def symbols(effect: Effect) -> str:
     """What the symbols of the equation mean, with their units: the module's text between equation and source."""
-    told = [" ".join(text.split()) for text in _paragraphs(effect)[1:] if not text.startswith(" ")]
+    told = [" ".join(text.split()) for text in paragraphs(effect)[1:] if not text.startswith(" ")]
     return " ".join(told).partition("Source:")[0].strip()
-
-
-def _paragraphs(effect: Effect) -> list[str]:
-    return (inspect.getdoc(inspect.getmodule(effect)) or effect.name).split("\n\n")
 
 
 def bounds(one: Parameter) -> str:

@@ -1,4 +1,4 @@
-"""The picture of an effect: its own code, run over what it depends on."""
+"""The picture of an effect: its own code, run over what it depends on, and in time where it has a memory."""
 
 import textwrap
 from collections.abc import Callable, Sequence
@@ -7,29 +7,31 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from cruise.cli.picture import BLUE, GREY, ORANGE
+from cruise.cli.effects_courses import COURSES, SPEED, Course
 from cruise.effects import Effect, Parameter, Stage, over
 from cruise.model.model import Model
+from cruise.report.colours import BLUE, GREEN, GREY, ORANGE, RED
 from cruise.signals import SIGNALS
 
 MODERATE, STRONG = 0.25, 0.5  # of the way from a parameter's neutral value to its farther bound
+HELD_BACK: Final = ({"color": GREEN, "ls": "-."}, {"color": RED, "ls": ":"})  # all strong but one parameter
 PERIOD_S: Final = 0.05  # s
+TITLE_WIDTH, NARROW = 88, "\u00a0"  # characters over a panel; the space at which no line ends
 DELAY, TIME_CONSTANT_S, GAIN_MPS_PER_MA = 8, 0.6, 2.5e-3  # of the machine that answers: 0.4 s, 2.5 m/s at 1000 mA
 RINGING_HZ, DAMPING = 0.7, 0.2  # of a pair of poles that an effect adds: tyres under a combine
 SETTLING_S, SETTLED_S = 0.5, 120.0  # step and time in s, after which an effect with a memory shows what it comes to
-SPEED: Final = "speed"  # stands for the speed one sample before among the names of signals
 
 RANGES: Final = {  # lowest, usual and highest value at work
-    SPEED: (-3.0, 1.5, 3.0),
+    SPEED: (-3.0, 2.0, 3.0),
     "engine_speed_rpm": (1300.0, 2100.0, 2300.0),
     "gear": (0.0, 3.0, 5.0),
-    "pitch_deg": (-15.0, 8.0, 15.0),
-    "machine_mass_kg": (12000.0, 18000.0, 25000.0),
+    "pitch_deg": (-15.0, 10.0, 15.0),
+    "machine_mass_kg": (12000.0, 20000.0, 25000.0),
     "oil_temperature_c": (10.0, 70.0, 100.0),
     "engine_load_pct": (0.0, 70.0, 120.0),
     "line_pressure_bar": (-150.0, 150.0, 400.0),
-    "wheel_speed_mps": (0.0, 1.6, 3.0),
-    "ground_speed_mps": (0.0, 1.5, 3.0),
+    "wheel_speed_mps": (0.0, 2.1, 3.0),
+    "ground_speed_mps": (0.0, 2.0, 3.0),
 }
 
 
@@ -58,21 +60,32 @@ def draw(subject: Effect, path: Path) -> Path:
         axis.grid(alpha=0.3)
     lines = {line.get_label(): line for axis in axes[0] for line in axis.get_lines()}
     figure.legend(handles=list(lines.values()), loc="outside lower left", fontsize="small")
-    title = textwrap.fill(f"{subject.name}:  {subject.about.equation}", 75 * len(panels))
-    figure.suptitle(title, x=0.01, ha="left", fontsize="medium")
+    figure.suptitle(title_of(subject, len(panels)), x=0.01, ha="left", fontsize="medium")
     figure.savefig(path, dpi=100)
     plt.close(figure)
     return path
 
 
+def title_of(subject: Effect, panels: int) -> str:
+    """Name and equation; a line ends only between two parts of the equation, which stand two spaces apart."""
+    parts = f"{subject.name}:  {subject.about.equation}".split("  ")
+    lines = textwrap.wrap(
+        "  ".join(part.replace(" ", NARROW) for part in parts), TITLE_WIDTH * panels, break_on_hyphens=False
+    )
+    return "\n".join(lines).replace(NARROW, " ")
+
+
 def panels_of(subject: Effect) -> list[Panel]:
-    """One panel for each thing that the effect depends on, and its answer to a step where that changes shape."""
+    """One panel for each thing that it depends on, one in time, and its answer to a step where that changes shape."""
     panels: list[Panel] = []
     if subject.acts_as is Stage.COMMAND:
         panels += [_loop, _steps]
     elif subject.acts_as in (Stage.GAIN, Stage.LOAD):
-        inputs = inputs_of(subject)
+        course = COURSES.get(subject.name)
+        inputs = [name for name in inputs_of(subject) if course is None or name not in course.instead]
         panels += [lambda axis, drawn, name=name: _static(axis, drawn, name) for name in inputs]
+        if course is not None:
+            panels.append(lambda axis, drawn: _in_time(axis, drawn, course))
     if type(subject).pace is not Effect.pace or type(subject).restructured is not Effect.restructured:
         panels.append(_response)
     return panels
@@ -84,14 +97,27 @@ def inputs_of(subject: Effect) -> tuple[str, ...]:
 
 
 def curves(subject: Effect) -> list[Curve]:
-    """The effect with neutral, moderate and strong shape; one curve where it has no shape."""
+    """The effect with neutral, moderate and strong shape; one curve where it has no shape.
+
+    Where several parameters differ, one curve more for each but the first: strong, with only that one neutral.
+    """
     if not subject.parameters:
         return [Curve(subject, subject.name, {"color": BLUE})]
     styles = {0.0: {"color": GREY, "ls": "--"}, MODERATE: {"color": BLUE}, STRONG: {"color": ORANGE}}
-    return [
+    drawn = [
         Curve(effect := subject.reshaped(**shape(subject, share)), _label(effect, share), style)
         for share, style in styles.items()
     ]
+    others = [] if _alike(subject) else list(subject.parameters.items())[1:]
+    for (name, bound), style in zip(others, HELD_BACK, strict=False):
+        effect = drawn[2].effect.reshaped(**{name: bound.neutral})
+        drawn.append(Curve(effect, _label(effect, STRONG), style))
+    return drawn
+
+
+def _alike(subject: Effect) -> bool:
+    """Whether its parameters are several of one kind."""
+    return len(subject.parameters) > 1 and len(set(subject.parameters.values())) == 1
 
 
 def shape(subject: Effect, share: float) -> dict[str, float]:
@@ -101,7 +127,7 @@ def shape(subject: Effect, share: float) -> dict[str, float]:
     are all the same are no gears.
     """
     bounds = subject.parameters
-    if len(bounds) > 1 and len(set(bounds.values())) == 1:
+    if _alike(subject):
         sides = np.linspace(-share, share, len(bounds)).tolist()
     else:
         sides = [share if _ascends(bound) else -share for bound in bounds.values()]
@@ -185,7 +211,27 @@ def _static(axis: Any, drawn: Sequence[Curve], name: str) -> None:
     held = ", ".join(f"{_named(other)[0]} {span(other)[1]:g} {_named(other)[1]}" for other in others)
     axis.set_title(f"at {held}" if held else "", loc="left", fontsize="medium")
     axis.set_xlabel("{} ({})".format(*_named(name)))
-    axis.set_ylabel("gain g (-)" if effect.acts_as is Stage.GAIN else "force term phi, times its coefficient")
+    axis.set_ylabel(_answering(effect))
+
+
+def _in_time(axis: Any, drawn: Sequence[Curve], course: Course) -> None:
+    """What the effect gives over a course of its inputs, those not in it at their usual values."""
+    past_mps = np.concatenate([course.speed_mps[:1], course.speed_mps[:-1]])
+    signals = {name: np.full(len(past_mps), value) for name, value in usual().items()} | dict(course.signals)
+    value = 1.0 if drawn[0].effect.acts_as is Stage.GAIN else 0.0
+    if course.shown is not None:
+        axis.plot(course.time_s, course.shown, color=GREY, lw=0.8, label=course.shows)
+    for one in drawn:
+        output, _ = over(one.effect, value, past_mps, signals, course.period_s)
+        axis.plot(course.time_s, output, label=one.label, lw=1.5, **one.style)
+    axis.set_title(course.title, loc="left", fontsize="medium")
+    axis.set_xlabel("time (s)")
+    axis.set_ylabel(_answering(drawn[0].effect))
+
+
+def _answering(effect: Effect) -> str:
+    """What is written at the axis of a gain or a load."""
+    return "gain g (-)" if effect.acts_as is Stage.GAIN else "force term phi, times its coefficient"
 
 
 def _named(name: str) -> tuple[str, str]:
@@ -208,15 +254,17 @@ def settled(effect: Effect, name: str, x: np.ndarray) -> np.ndarray:
 
 
 def _response(axis: Any, drawn: Sequence[Curve]) -> None:
-    """The speed of a first-order machine after a step up and one down, without the effect and with it."""
-    time_s = np.arange(0.0, 14.0, PERIOD_S)
-    current_ma = np.select([time_s < 1.0, time_s < 7.0], [400.0, 800.0], 400.0)
+    """The speed of a first-order machine after a step up, a short dip and a step down, without the effect and with."""
+    time_s = np.arange(0.0, 16.0, PERIOD_S)
+    current_ma = np.select(
+        [time_s < 1.0, time_s < 6.0, time_s < 6.5, time_s < 11.0], [400.0, 800.0, 400.0, 800.0], 400.0
+    )
     axis.plot(time_s, answer(None, current_ma), color=GREY, ls=":", lw=2.0, label="without")
     for one in drawn:
         axis.plot(time_s, answer(one.effect, current_ma), label=one.label, lw=1.5, **one.style)
     orders = drawn[0].effect.restructured(1, 1, DELAY, PERIOD_S)
-    extra = f", poles of {RINGING_HZ:g} Hz and damping {DAMPING:g} added" if orders[0] > 1 else ""
-    axis.set_title(f"current from 400 to 800 mA and back{extra}", loc="left", fontsize="medium")
+    extra = f", poles of {RINGING_HZ:g} Hz added" if orders[0] > 1 else ""
+    axis.set_title(f"current from 400 to 800 mA, a dip of 0.5 s, and back{extra}", loc="left", fontsize="medium")
     axis.set_xlabel("time (s)")
     axis.set_ylabel("speed (m/s)")
 

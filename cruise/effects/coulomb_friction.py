@@ -1,37 +1,42 @@
 """Coulomb friction: dry friction of the drive line, of one size against whatever direction it moves in.
 
-    phi = -tanh(v / v_c)
+    phi_k = -x_k,   x_k = clip(h x_(k-1) + v / v_c, -1, 1)
 
-v speed one sample ago in m/s, v_c speed in m/s at which the friction has built up. Source: Armstrong-Helouvry, Dupont
-and Canudas de Wit, "A survey of models, analysis tools and compensation methods for the control of machines with
-friction", Automatica 30 (1994); the tanh in place of the sign is a common regularisation.
+v speed one sample ago in m/s, v_c speed in m/s at which all of it is there within a sample, x share of the friction
+that acts: at rest whatever balances the drive, by the memory h = exp(-T / 0.9 s) of the samples before. Source:
+Armstrong-Helouvry, Dupont and Canudas de Wit, "A survey of models, analysis tools and compensation methods for the
+control of machines with friction", Automatica 30 (1994); P. Dahl, AIAA Journal 14 (1976) 1675-1682 (friction that is
+held before it slides).
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
-from cruise.effects.effect import About, Effect, Parameter, Stage, State, Value, tanh
+import numpy as np
+
+from cruise.effects.effect import About, Effect, Parameter, Stage, State, Value, dry, dry_over, where
 from cruise.signals import Signals
 
 
 @dataclass(frozen=True, slots=True)
 class CoulombFriction(Effect):
-    """phi = -tanh(v / crossover_mps), without unit: the friction's size is the fitted coefficient."""
+    """phi = -x, the share of the friction that acts, without unit: its size is the fitted coefficient."""
 
     name = "coulomb_friction"
     stage = Stage.LOAD
     needs = ()
     reads_speed = True
     parameters: ClassVar = {
-        "crossover_mps": Parameter("m/s", 0.02, 1.0, 0.2, "speed at which three quarters of the friction are there"),
+        "crossover_mps": Parameter("m/s", 0.01, 0.5, 0.5, "speed at which the friction is there within a sample"),
     }
     about: ClassVar = About(
         physics="Gears, seals and bearings that slide on each other resist with a force that depends on the direction "
         "of the motion and hardly on its speed. The machine loses the same speed at any current, starts only once the "
         "drive exceeds the friction, and stops sooner than it would by inertia alone. While it never stops or "
         "reverses, this is a constant: no recording can tell it from an offset then.",
-        equation="phi = -tanh(v / v_c)",
-        source="Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30 (1994)",
+        equation="phi = -x,  x_k = clip(h x_(k-1) + v / v_c, -1, 1)",
+        source="Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30 (1994); Dahl, AIAA Journal 14 (1976)",
         signature="the residual jumps by one amount where the speed changes its sign, and is flat elsewhere",
         look_alikes=("dead_zone", "rolling_resistance", "sensor_bias", "hysteresis"),
         experiment="slow ramps of current through zero in both directions, then the current set to zero at 1 m/s and "
@@ -41,6 +46,18 @@ class CoulombFriction(Effect):
 
     crossover_mps: float = 0.2
 
+    def start(self, like: Value) -> State:
+        """Share that acts: none so far."""
+        return like * 0.0
+
     def step(self, value: Value, past_speed: Value, signals: Signals, state: State, dt_s: float) -> tuple[Value, State]:
-        """The direction of the friction, built up with the past speed."""
-        return -tanh(past_speed / self.crossover_mps), state
+        """The friction against the past speed, or what of it holds the machine."""
+        share = dry(past_speed, self.crossover_mps, state, dt_s)
+        return -share, where(share == share, share, 0.0)
+
+    def over(
+        self, values: Value, past_speeds: np.ndarray, signals: Mapping[str, np.ndarray], dt_s: float
+    ) -> tuple[Value, State]:
+        """The whole recording at once, but for the share that acts."""
+        shares, held = dry_over(past_speeds, self.crossover_mps, dt_s)
+        return -shares, held

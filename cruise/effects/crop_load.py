@@ -1,24 +1,29 @@
 """Crop load: threshing takes torque from the engine that the drive then lacks.
 
-    phi = -(load - r |y| - q |y| dy/dt) / 100 %
+    phi_k = -(load - r |y| - q |y| dy/dt) / 100 % x_k,   x_k = clip(h x_(k-1) + y / y_c, -1, 1)
 
 load engine torque in percent of the torque available at this speed, y ground speed in m/s; r in % per m/s and q in %
-per m2/s3 are what of the load the drive itself makes, rolling and accelerating. Source: sections V.B and VI of Coen et
-al. 2005 ("in field conditions, where the engine faces higher loads"); that the loss is proportional to the load is an
-assumption of this program.
+per m2/s3 are what of the load the drive itself makes, rolling and accelerating; x share of the loss that acts, as of
+any dry resistance (coulomb_friction), y_c speed in m/s at which all of it is there within a sample, h = exp(-T / 0.9 s)
+its memory: crop holds the machine back whichever way it goes and moves none that stands. Source: sections V.B and VI
+of Coen et al. 2005 ("in field conditions, where the engine faces higher loads"); that the loss is proportional to the
+load is an assumption of this program.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
-from cruise.effects.effect import About, Effect, Parameter, Stage, State, Value, where
+import numpy as np
+
+from cruise.effects.effect import About, Effect, Parameter, Stage, State, Value, dry, dry_over, where
 from cruise.signals import Signals
 
 
 @dataclass(frozen=True, slots=True)
 class CropLoad(Effect):
-    """phi = -(engine_load_pct less the drive's own) / 100, without unit; its coefficient is the speed at full load."""
+    """phi = -(engine_load_pct less the drive's own) / 100, against the motion; the coefficient is what 100 % cost."""
 
     name = "crop_load"
     stage = Stage.LOAD
@@ -27,14 +32,16 @@ class CropLoad(Effect):
     parameters: ClassVar = {
         "rolling_pct_per_mps": Parameter("% per m/s", 0.0, 15.0, 0.0, "load that rolling makes: 15 t and 0.06 are 3.5"),
         "inertia_pct_per_m2ps3": Parameter("% per m2/s3", 0.0, 15.0, 0.0, "load that accelerating makes: 15 t are 6"),
+        "crossover_mps": Parameter("m/s", 0.01, 0.5, 0.5, "speed at which the loss is there within a sample"),
     }
     about: ClassVar = About(
         physics="Header, threshing drum and straw chopper hang on the same engine as the drive. When the crop is dense "
         "they take torque, the engine gives way, and the machine loses speed although nobody touched the lever. The "
         "load that the engine reports is the sum of crop and drive: it rises with every command, every acceleration "
         "and every slope, so that it is a consequence of the motion before it is a cause. Believe in this effect only "
-        "where the load changes while current and slope do not.",
-        equation="phi = -(load - r |y| - q |y| dy/dt) / 100 %",
+        "where the load changes while current and slope do not. What the crop takes, it takes from a machine that "
+        "moves, in reverse too: no load of the engine pushes a standing machine backwards.",
+        equation="phi = -(load - r |y| - q |y| dy/dt) / 100 % x,  x 1 forward, -1 in reverse, fading at rest",
         source="Coen et al. 2005, sections V.B and VI; the proportionality is an assumption",
         signature="the residual follows minus the engine load, at constant current too and before the speed has moved",
         look_alikes=("power_limit", "engine_droop", "grade", "leakage"),
@@ -45,13 +52,29 @@ class CropLoad(Effect):
 
     rolling_pct_per_mps: float = 0.0
     inertia_pct_per_m2ps3: float = 0.0
+    crossover_mps: float = 0.2
 
     def start(self, like: Value) -> State:
-        """The speed in m/s two samples ago, not known yet."""
-        return like * math.nan
+        """The speed in m/s two samples ago, not known yet, and the share that acts: none so far."""
+        return like * math.nan, like * 0.0
 
     def step(self, value: Value, past_speed: Value, signals: Signals, state: State, dt_s: float) -> tuple[Value, State]:
         """What of the present load the drive does not make itself."""
-        accel_mps2 = (past_speed - where(state == state, state, past_speed)) / dt_s
+        before_mps, held = state
+        share = dry(past_speed, self.crossover_mps, held, dt_s)
+        taken = self._taken(past_speed, before_mps, signals, dt_s)
+        return -taken * share, (past_speed, where(share == share, share, 0.0))
+
+    def over(
+        self, values: Value, past_speeds: np.ndarray, signals: Mapping[str, np.ndarray], dt_s: float
+    ) -> tuple[Value, State]:
+        """The whole recording at once, but for the share that acts."""
+        shares, held = dry_over(past_speeds, self.crossover_mps, dt_s)
+        before_mps = np.concatenate([past_speeds[:1], past_speeds[:-1]])
+        return -self._taken(past_speeds, before_mps, signals, dt_s) * shares, (past_speeds, held)
+
+    def _taken(self, past_speed: Value, before_mps: Value, signals: Signals, dt_s: float) -> Value:
+        """Share of the engine's torque that crop takes: the load less what rolls and accelerates the machine."""
+        accel_mps2 = (past_speed - where(before_mps == before_mps, before_mps, past_speed)) / dt_s
         own_pct = abs(past_speed) * (self.rolling_pct_per_mps + self.inertia_pct_per_m2ps3 * accel_mps2)
-        return -0.01 * (signals["engine_load_pct"] - own_pct), past_speed
+        return 0.01 * (signals["engine_load_pct"] - own_pct)

@@ -2,7 +2,8 @@
 
     f(u) = sign(u) [ s ln(1 + exp((|u| - u_0) / s)) - s ln(1 + exp(-u_0 / s)) ],   s -> 0: sign(u) max(|u| - u_0, 0)
 
-u solenoid current in mA, u_0 threshold in mA, s width of its edge in mA: spools have notches that open gradually.
+u solenoid current in mA, u_0 threshold in mA, s width of its edge in mA, u_0 / 4 at most: spools have notches that
+open gradually, and where the edge is as wide as the zone there is no zone left but a curved gain.
 Source: section IV.C and Fig. 4 of Coen et al. 2005 ("a dead zone visible for small and large currents"); proportional
 pump controls of this class start at about a third of full current.
 """
@@ -15,6 +16,7 @@ from cruise.effects.effect import About, Effect, Inverse, Parameter, Stage, Stat
 from cruise.signals import Signals
 
 SHARP_MA: Final = 0.5  # mA, an edge below which it is a corner
+WIDEST: Final = 0.25  # of the threshold: with a wider edge no current is left at which nothing moves
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,12 +28,12 @@ class DeadZone(Effect):
     needs = ()
     parameters: ClassVar = {
         "threshold_ma": Parameter("mA", 0.0, 800.0, 0.0, "current at which the servo begins to move"),
-        "edge_ma": Parameter("mA", 0.0, 150.0, 0.0, "width over which it begins"),
+        "edge_ma": Parameter("mA", 0.0, 150.0, 0.0, "width over which it begins, a quarter of the threshold at most"),
     }
     about: ClassVar = About(
         physics="The spool's overlap and the centring springs of the servo must be overcome before the swash plate "
         "leaves its middle. Below the threshold the machine stands, whatever the current.",
-        equation="f(u) = sign(u) max(|u| - u_0, 0), the corner rounded over s",
+        equation="f(u) = sign(u) max(|u| - u_0, 0), the corner rounded over s, u_0 / 4 at most",
         source="Coen et al. 2005, section IV.C, Fig. 4",
         signature="the residual depends on |u| with a kink, and vanishes at high current once the gain is refitted",
         look_alikes=("coulomb_friction", "quadratic_gain", "hysteresis"),
@@ -41,19 +43,27 @@ class DeadZone(Effect):
     threshold_ma: float = 0.0
     edge_ma: float = 0.0
 
+    @property
+    def width_ma(self) -> Value:
+        """Width of the edge in mA: that of the parameter, as far as the threshold leaves room for it."""
+        widest_ma = WIDEST * self.threshold_ma
+        return where(self.edge_ma < widest_ma, self.edge_ma, widest_ma)
+
     def step(self, value: Value, past_speed: Value, signals: Signals, state: State, dt_s: float) -> tuple[Value, State]:
         """What is left of the current beyond the threshold."""
         sharp = value - clip(value, -self.threshold_ma, self.threshold_ma)
-        width_ma = clip(self.edge_ma, SHARP_MA, math.inf)
+        edge_ma = self.width_ma
+        width_ma = clip(edge_ma, SHARP_MA, math.inf)
         rest_ma = softplus(-self.threshold_ma, width_ma)  # nothing comes at no current
         soft = sign(value) * (softplus(abs(value) - self.threshold_ma, width_ma) - rest_ma)
-        return where((self.edge_ma < SHARP_MA) | (self.threshold_ma == 0.0), sharp, soft), state
+        return where(edge_ma < SHARP_MA, sharp, soft), state
 
     def inverse(self, value: float, signals: Signals, state: State) -> Inverse:
         """The threshold on top of the value; the whole dead zone for zero."""
-        if self.edge_ma >= SHARP_MA and self.threshold_ma > 0.0:
-            open_ma = (abs(value) + softplus(-self.threshold_ma, self.edge_ma)) / self.edge_ma
-            over_ma = self.edge_ma * (open_ma + math.log(-math.expm1(-open_ma)))
+        edge_ma = self.width_ma
+        if edge_ma >= SHARP_MA:
+            open_ma = (abs(value) + softplus(-self.threshold_ma, edge_ma)) / edge_ma
+            over_ma = edge_ma * (open_ma + math.log(-math.expm1(-open_ma)))
             current_ma = math.copysign(max(self.threshold_ma + over_ma, 0.0), value)
             return Inverse(current_ma, current_ma)
         if value == 0.0:

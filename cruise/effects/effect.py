@@ -25,6 +25,7 @@ State = Any
 RATED_RPM: Final = 2100.0  # rpm, speed of the engine at which the paper identified its models (section V.A)
 EMPTY_KG: Final = 15000.0  # kg, mass of an empty combine harvester (Coen et al. 2005, section I: 15 to 20 t)
 GRAVITY_MPS2: Final = 9.81  # m/s2
+HELD_S: Final = 0.9  # s for which dry friction remembers what it held: longer than it takes to balance the drive
 
 
 class Stage(StrEnum):
@@ -181,6 +182,31 @@ def softplus(value: Value, width: float) -> Value:
 def tanh(value: Value) -> Value:
     """The hyperbolic tangent, elementwise."""
     return np.tanh(value) if isinstance(value, np.ndarray) else math.tanh(value)
+
+
+def dry(past_speed: Value, crossover_mps: Value, held: Value, dt_s: float) -> Value:
+    """Share of a dry resistance that acts, elementwise: x_k = clip(h x_(k-1) + v / v_c, -1, 1).
+
+    `held` is x one sample ago, h = exp(-dt / HELD_S). What builds up holds: a machine at rest hardly creeps, and the
+    explicit recursion does not chatter about rest. P. Dahl, AIAA Journal 14 (1976) 1675-1682.
+    """
+    return clip(math.exp(-dt_s / HELD_S) * held + past_speed / crossover_mps, -1.0, 1.0)
+
+
+def dry_over(past_speeds: np.ndarray, crossover_mps: float, dt_s: float) -> tuple[np.ndarray, np.ndarray]:
+    """The same over a whole recording: the shares (N,) and what is held after each sample (N,), nothing after a hole.
+
+    One narrow loop: the crossover is looked for in recordings of 10^5 samples.
+    """
+    memory, held = math.exp(-dt_s / HELD_S), 0.0
+    shares = []
+    for pushed in (past_speeds / crossover_mps).tolist():
+        share = memory * held + pushed
+        share = 1.0 if share > 1.0 else -1.0 if share < -1.0 else share
+        shares.append(share)
+        held = share if share == share else 0.0
+    found = np.array(shares)
+    return found, np.where(np.isnan(found), 0.0, found)
 
 
 def over(

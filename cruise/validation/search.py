@@ -29,6 +29,8 @@ PARTS: Final = (1.0, 0.3)  # of that step, or none: the errors are not quite lin
 MOST_STARTS: Final = 3  # from which fits of one candidate begin
 NEARLY: Final = 1.2  # times what the best start leaves, to first order, that another may leave
 LOAD_MPS: Final = 0.1  # m/s of steady speed per unit of a load, to see where it acts
+SAME: Final = 1e-3  # relative difference of what two starts leave, below which they are as good
+LEAST_STRENGTH, MOST_STRENGTH = 0.02, 0.7  # of the weakest start, to which it is weakened where its error asks for it
 QUICK_STEPS: Final = 4  # of the solver, to choose among several starts
 ORDINARY_STEPS: Final = 20
 BOOTSTRAPS: Final = 400
@@ -104,27 +106,41 @@ class Search:
         """Starts with what they would leave, best first, to first order: the core gives way and a load is scaled.
 
         A start from which nothing moves, such as a stop beyond the highest current, would be left as it is by any fit.
-        With it the mean squared error of the explanation as it is.
+        Beside the options stand what lies between the best and its neighbours, and the weakest made as strong as its
+        own error asks for. With it the mean squared error of the explanation as it is.
         """
+        error, *_ = self._seen_from(explanation)
+        before = float(error @ error) / max(int(self.scene.judged.sum()), 1)
+        found = self._left(explanation, options)
+        more = _between(explanation, options, found)
+        found += self._left(explanation, more) if more else []
+        loaded = [(left, _loaded(explanation, one, LOAD_MPS * share)) for left, share, one in found]
+        return sorted(loaded, key=lambda one: one[0]), before
+
+    def _left(self, explanation: Explanation, options: list[Explanation]) -> list[tuple[float, float, Explanation]]:
+        """What each option would leave, in m2/s2 summed, and how many times as strong it should be for that."""
+        error, slopes, soft = self._seen_from(explanation)
+        moved = error - bounded(self.scene.errors([_loaded(explanation, option) for option in options]))
+        mine, its = error @ slopes, moved @ slopes
+        size = np.einsum("ij,ij->i", moved, moved) - np.einsum("ij,jk,ik->i", its, soft, its)
+        along = moved @ error - its @ soft @ mine
+        strength = along / np.maximum(size, 1e-12)
+        share = np.ones(len(options))
+        if len(options[0].loads) > len(explanation.loads):
+            share = strength if any(one.either_sign for one in options[0].effects) else np.maximum(strength, 0.0)
+            strength = share
+        left = error @ error - mine @ soft @ mine - 2.0 * share * along + share**2 * size
+        return list(zip(left.tolist(), strength.tolist(), options, strict=True))
+
+    def _seen_from(self, explanation: Explanation) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Error (N,) of an explanation, its scaled derivatives (N, p) and the inverse of their products (p, p)."""
         if self._from is None or self._from[0] != explanation:
             plan = self.plan(explanation)
             error, slopes = Objective(self.scene, plan, _as_it_is).differences(plan.vector)
             slopes = slopes * plan.scale
             stiff = slopes.T @ slopes + np.eye(len(plan.scale)) * float(error @ error) / max(self.scene.judged.sum(), 1)
             self._from = (explanation, error, slopes, np.linalg.inv(stiff))
-        _, error, slopes, soft = self._from
-        before = float(error @ error) / max(int(self.scene.judged.sum()), 1)
-        moved = error - bounded(self.scene.errors([_loaded(explanation, option) for option in options]))
-        mine, its = error @ slopes, moved @ slopes
-        size = np.einsum("ij,ij->i", moved, moved) - np.einsum("ij,jk,ik->i", its, soft, its)
-        along = moved @ error - its @ soft @ mine
-        share = np.ones(len(options))
-        if len(options[0].loads) > len(explanation.loads):
-            share = along / np.maximum(size, 1e-12)
-            share = share if any(one.either_sign for one in options[0].effects) else np.maximum(share, 0.0)
-        left = error @ error - mine @ soft @ mine - 2.0 * share * along + share**2 * size
-        ordered = np.argsort(left).tolist()
-        return [(float(left[i]), _loaded(explanation, options[i], LOAD_MPS * float(share[i]))) for i in ordered], before
+        return self._from[1:]
 
     def finished(self, begun: Fit) -> Fit:
         """The fit carried on to its end."""
@@ -257,6 +273,44 @@ def _loaded(before: Explanation, option: Explanation, coefficient: float = LOAD_
         for i, load in zip(option.at(Stage.LOAD), option.loads, strict=True)
     ]
     return replace(option, loads=tuple(loads))
+
+
+def _between(
+    before: Explanation, options: Sequence[Explanation], found: Sequence[tuple[float, float, Explanation]]
+) -> list[Explanation]:
+    """Further starts: the middle between the best option and its neighbours, the weakest one as strong as it should be.
+
+    `options` stand in the order of their strength, with what each leaves and its best strength in `found`.
+    """
+    left = [one for one, _, _ in found]
+    best = max(i for i in range(len(options)) if left[i] <= (1.0 + SAME) * min(left))  # the strongest of those alike
+    further = [_mixed(options[best], options[i]) for i in (best - 1, best + 1) if 0 <= i < len(options)]
+    if len(options[0].loads) == len(before.loads):
+        further.append(_weakened(before, options[0], found[0][1]))
+    return [one for one in further if one.effects != options[best].effects]
+
+
+def _mixed(one: Explanation, other: Explanation) -> Explanation:
+    """Shapes in the middle between those of two explanations with the same effects: in ratios where both have one."""
+    effects = []
+    for mine, its in zip(one.effects, other.effects, strict=True):
+        pairs = {name: (getattr(mine, name), getattr(its, name)) for name in mine.parameters}
+        middles = {name: math.sqrt(a * b) if min(a, b) > 0.0 else 0.5 * (a + b) for name, (a, b) in pairs.items()}
+        effects.append(mine if mine == its else mine.reshaped(**middles))
+    return replace(one, effects=tuple(effects))
+
+
+def _weakened(before: Explanation, option: Explanation, strength: float) -> Explanation:
+    """The option with the shapes of what is new so many times as far from their neutral values, within bounds."""
+    times = math.copysign(min(max(abs(strength), LEAST_STRENGTH), MOST_STRENGTH), strength)
+    effects = []
+    for effect in option.effects:
+        shape = {
+            name: min(max(one.neutral + times * (getattr(effect, name) - one.neutral), one.low), one.high)
+            for name, one in effect.parameters.items()
+        }
+        effects.append(effect if effect.name in before.names else effect.reshaped(**shape))
+    return replace(option, effects=tuple(effects))
 
 
 def _as_it_is(errors: np.ndarray) -> np.ndarray:

@@ -8,10 +8,12 @@ import pytest
 
 from cruise.cli import effects_picture
 from cruise.cli.effects import CUSTOM, STAGES, bounds, headline, symbols
+from cruise.cli.effects_courses import COURSES
 from cruise.effects import EFFECTS, Stage
 from cruise.signals import SIGNALS
 
 ALL = {name: kind() for name, kind in EFFECTS.items()} | {"custom": CUSTOM}
+VISIBLE = 0.02  # of the height of a line: seven pixels
 
 
 def joined(text: str) -> str:
@@ -115,21 +117,86 @@ class Paper:
     set_ylabel = set_xlabel
 
 
-@pytest.mark.parametrize("name", ALL)
-def test_every_picture_shows_what_the_effect_does(name):
-    drawn = effects_picture.curves(ALL[name])
-    for one in drawn:
-        for key, bound in one.effect.parameters.items():
-            assert bound.low <= getattr(one.effect, key) <= bound.high
-    changes = 0.0
+def drawn_panels(name: str) -> list[dict[str, np.ndarray]]:
+    """The lines of each panel by their label, those of the effect in the order of its curves."""
+    papers = []
     for panel in effects_picture.panels_of(ALL[name]):
         paper = Paper()
-        panel(paper, drawn)
-        assert all(np.isfinite(line).all() for line in paper.lines.values())
-        first, last = paper.lines[drawn[0].label], paper.lines[drawn[-1].label]
-        reference = paper.lines.get("without", np.full(len(first), np.mean(first))) if len(drawn) == 1 else first
-        changes = max(changes, float(np.max(np.abs(last - reference)) / max(np.ptp(reference), np.max(np.abs(last)))))
-    assert changes > 0.1
+        panel(paper, effects_picture.curves(ALL[name]))
+        papers.append(paper.lines)
+    return papers
+
+
+def difference(one: np.ndarray, other: np.ndarray) -> float:
+    """The greatest distance of two lines as a share of the height of the higher one."""
+    return float(np.max(np.abs(one - other)) / max(np.ptp(one), np.ptp(other)))
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_every_picture_shows_what_the_effect_does(name):
+    first, *others = effects_picture.curves(ALL[name])
+    for one in (first, *others):
+        for key, bound in one.effect.parameters.items():
+            assert bound.low <= getattr(one.effect, key) <= bound.high
+    panels = drawn_panels(name)
+    assert all(np.isfinite(line).all() for lines in panels for line in lines.values())
+    for other in others:
+        assert max(difference(lines[first.label], lines[other.label]) for lines in panels) > VISIBLE
+    if not others:
+        without = [
+            lines.get("without", np.full_like(line, np.mean(line))) for lines in panels for line in lines.values()
+        ]
+        assert (
+            max(difference(*pair) for pair in zip(without, [lines[name] for lines in panels], strict=False)) > VISIBLE
+        )
+
+
+@pytest.mark.parametrize("name", [name for name, effect in ALL.items() if len(effect.parameters) > 1])
+def test_every_picture_shows_what_each_further_parameter_does(name):
+    neutral, _, strong, *held_back = effects_picture.curves(ALL[name])
+    if name == "gear_ratio":  # several of one kind: spread out, not held back one by one
+        assert not held_back
+        return
+    assert len(held_back) == len(ALL[name].parameters) - 1
+    for one, key in zip(held_back, list(ALL[name].parameters)[1:], strict=True):
+        assert one.effect == strong.effect.reshaped(**{key: getattr(neutral.effect, key)})
+        assert max(difference(lines[strong.label], lines[one.label]) for lines in drawn_panels(name)) > VISIBLE
+
+
+@pytest.mark.parametrize(
+    "name", [name for name, kind in EFFECTS.items() if kind.acts_as in (Stage.GAIN, Stage.LOAD) and kind().start(0.0)]
+)
+def test_a_gain_or_load_with_a_memory_is_drawn_in_time(name):
+    assert name in COURSES
+
+
+def test_a_bias_is_drawn_as_it_comes_to_be_known():
+    (lines,) = drawn_panels("sensor_bias")
+    slow, _, quick = (lines[one.label] for one in effects_picture.curves(ALL["sensor_bias"]))
+    read = lines["ground speed - wheel speed (m/s)"]
+    assert (read[0], read[-1], slow[0]) == (0.0, pytest.approx(0.3), 0.0)
+    step = int(np.argmax(read > 0.0))
+    assert quick[step + 110] == pytest.approx(0.3 * (1.0 - np.exp(-1.0)), rel=0.03)  # its 5.5 s later
+    assert slow[step + 110] < 0.6 * quick[step + 110]
+
+
+def test_slip_is_drawn_as_the_load_by_which_the_ground_lags():
+    static, lines = drawn_panels("wheel_slip")
+    slow, _, quick = (lines[one.label] for one in effects_picture.curves(ALL["wheel_slip"]))
+    lag = lines["ground speed - wheel speed (m/s)"]
+    assert lag.min() == pytest.approx(-0.5)
+    assert quick[80] == pytest.approx(lag[80], rel=0.01)  # after 3 s of slip
+    assert abs(slow[30]) < 0.5 * abs(quick[30])
+    assert next(iter(static.values()))[-1] == pytest.approx(2.0 - 3.0)  # ground at 2 m/s, wheels at 3 m/s
+
+
+def test_dry_friction_is_drawn_from_rest_to_rest_and_in_reverse():
+    (lines,) = drawn_panels("coulomb_friction")
+    neutral, _, strong = (lines[one.label] for one in effects_picture.curves(ALL["coulomb_friction"]))
+    assert neutral[0] == strong[0] == 0.0
+    assert strong[80] == neutral[80] == -1.0  # 4 s, forward
+    assert -1.0 < strong[160] < -0.2  # 8 s, at rest: what still holds
+    assert strong[-1] == 1.0
 
 
 def test_curves_stand_at_neutral_a_quarter_and_half_of_the_way():
@@ -137,7 +204,9 @@ def test_curves_stand_at_neutral_a_quarter_and_half_of_the_way():
         return [getattr(one.effect, parameter) for one in effects_picture.curves(ALL[name])]
 
     assert of("hysteresis", "width_ma") == [0.0, 100.0, 200.0]
-    assert of("rate_limit", "rate_ma_per_s") == pytest.approx([10000.0, 1e4 * 0.005**0.25, 1e4 * 0.005**0.5])
+    assert of("rate_limit", "rate_ma_per_s") == pytest.approx(
+        [1e4, *(1e4 * 0.005**share for share in (0.25, 0.5, 0.5))]
+    )
     assert of("oil_temperature", "loss_share") == [0.0, 0.1, 0.2]
     gears = effects_picture.curves(ALL["gear_ratio"])[-1].effect
     tops = [getattr(gears, f"gear_{i}_mps") for i in (1, 2, 3, 4)]
@@ -146,9 +215,19 @@ def test_curves_stand_at_neutral_a_quarter_and_half_of_the_way():
 
 
 def test_an_input_is_held_until_the_effect_has_settled():
-    slip = EFFECTS["wheel_slip"]().reshaped(share=0.75)
-    gain = effects_picture.settled(slip, "wheel_speed_mps", np.array([1.5, 3.0]))  # over ground at 1.5 m/s
-    np.testing.assert_allclose(gain, [1.0, 1.0 - 0.75 * 0.5])
+    hill = EFFECTS["grade"]().reshaped(filter_s=4.0)
+    phi = effects_picture.settled(hill, "pitch_deg", np.array([0.0, 15.0]))
+    np.testing.assert_allclose(phi, [0.0, -9.81 * np.sin(np.radians(15.0))], atol=1e-9)
+    slip = effects_picture.settled(EFFECTS["wheel_slip"](), "wheel_speed_mps", np.array([2.0, 2.5]))
+    np.testing.assert_allclose(slip, [0.0, -0.5], atol=1e-9)  # over ground at 2 m/s
+
+
+def test_a_long_title_ends_its_lines_between_two_parts_of_the_equation():
+    for effect in ALL.values():
+        panels = len(effects_picture.panels_of(effect))
+        lines = effects_picture.title_of(effect, panels).split("\n")
+        assert "  ".join(lines) == f"{effect.name}:  {effect.about.equation}"
+        assert max(map(len, lines)) <= 88 * panels
 
 
 def test_the_machine_of_the_picture_has_its_delay_and_its_time_constant():

@@ -14,25 +14,25 @@ from cruise.signals import SIGNALS
 SHAPES = {
     "saturation": {"full_stroke_ma": 1100.0, "knee_ma": 40.0},
     "dead_zone": {"threshold_ma": 350.0, "edge_ma": 20.0},
-    "quadratic_gain": {"curvature": 0.7},
+    "quadratic_gain": {"curvature": 0.7, "flattening": 0.6},
     "hysteresis": {"width_ma": 60.0},
     "rate_limit": {"rate_ma_per_s": 700.0, "lag_s": 0.1},
     "engine_speed": {"exponent": 1.0},
     "engine_droop": {"droop_share": 0.1},
-    "power_limit": {"power_kw": 60.0, "stiffness": 2.0},
+    "power_limit": {"power_kw": 60.0, "stiffness": 2.0, "rolling_resistance": 0.08},
     "gear_ratio": {"gear_1_mps": 1.4, "gear_2_mps": 2.5, "gear_3_mps": 4.4, "gear_4_mps": 7.8},
     "oil_temperature": {"loss_share": 0.08},
-    "speed_droop": {"droop_per_mps": 0.1},
+    "speed_droop": {"droop_per_mps": 0.1, "exponent": 1.6},
     "grade": {"mass_share": 0.6, "acceleration_share": 0.5, "filter_s": 1.0},
     "rolling_resistance": {"crossover_mps": 0.3},
-    "crop_load": {"rolling_pct_per_mps": 3.0, "inertia_pct_per_m2ps3": 6.0},
+    "crop_load": {"rolling_pct_per_mps": 3.0, "inertia_pct_per_m2ps3": 6.0, "crossover_mps": 0.1},
     "coulomb_friction": {"crossover_mps": 0.1},
     "leakage": {},
     "transport_delay": {"delay_s": 0.3},
     "active_braking": {"braking_pace": 0.6, "lag_s": 0.3, "time_constant_s": 0.8},
     "resonance": {},
-    "sensor_bias": {},
-    "wheel_slip": {"share": 0.9, "filter_s": 0.4},
+    "sensor_bias": {"filter_s": 4.0},
+    "wheel_slip": {"filter_s": 0.4},
 }
 DT_S = 0.2
 
@@ -72,16 +72,24 @@ def test_bounds_hold_the_neutral_value(effect):
         assert parameter.meaning
 
 
-def test_stepping_equals_the_whole_recording(effect):
+@pytest.mark.parametrize("holes", [False, True])
+def test_stepping_equals_the_whole_recording(effect, holes):
     values, speeds, signals = recording(1)
+    if holes:
+        values[10], speeds[20] = math.nan, math.nan
+        for k, name in enumerate(effect.uses):
+            signals[name][30 + 3 * k : 32 + 3 * k] = math.nan
     state = effect.start(0.0)
-    stepped = []
+    stepped, states = [], []
     for k, value in enumerate(values):
         now = {name: float(column[k]) for name, column in signals.items()}
         result, state = effect.step(float(value), float(speeds[k]), now, state, DT_S)
         stepped.append(result)
-    whole, _ = over(effect, values, speeds, signals, DT_S)
+        states.append(state)
+    whole, remembered = over(effect, values, speeds, signals, DT_S)
     np.testing.assert_allclose(np.broadcast_to(whole, values.shape), stepped, rtol=1e-12, atol=1e-12)
+    if state is not None:
+        np.testing.assert_allclose(np.array(remembered).T, states, rtol=1e-12, atol=1e-12)
 
 
 def test_whether_it_reads_the_speed_is_said_truly(effect):

@@ -1,16 +1,15 @@
 """Coulomb friction, by hand and in a model."""
 
-import math
-
+import numpy as np
 import pytest
 
 from cruise.effects.coulomb_friction import CoulombFriction
 from cruise.model.model import Model
 
 
-@pytest.mark.parametrize(("speed_mps", "phi"), [(2.0, -1.0), (-2.0, 1.0), (0.0, 0.0), (0.1, -math.tanh(1.0))])
+@pytest.mark.parametrize(("speed_mps", "phi"), [(2.0, -1.0), (-2.0, 1.0), (0.0, 0.0), (0.04, -0.4)])
 def test_it_acts_against_the_motion_and_hardly_depends_on_its_speed(speed_mps, phi):
-    assert CoulombFriction(0.1).step(0.0, speed_mps, {}, None, 0.2)[0] == pytest.approx(phi, abs=1e-6)
+    assert CoulombFriction(0.1).step(0.0, speed_mps, {}, 0.0, 0.2)[0] == pytest.approx(phi)
 
 
 def test_a_machine_with_it_comes_to_rest_sooner_and_does_not_run_backwards():
@@ -19,4 +18,15 @@ def test_a_machine_with_it_comes_to_rest_sooner_and_does_not_run_backwards():
     speeds = [one.predict(one.start(1.0, 0.0, {}), [0.0] * 60, [{}] * 60) for one in (free, held)]
     below = [next((k for k, speed in enumerate(run) if speed < 0.35), 60) for run in speeds]
     assert below[1] < 0.6 * below[0]
-    assert 0.0 <= min(speeds[1]) < 0.02 < min(speeds[0])
+    assert abs(speeds[1][-1]) < 0.02 < min(speeds[0])
+    assert min(speeds[1]) > -0.1
+
+
+@pytest.mark.parametrize("drive_mps", [0.1, 0.3, -0.3])
+def test_a_drive_that_is_weaker_than_it_moves_nothing_and_one_that_is_stronger_gives_the_rest(drive_mps):
+    model = Model(0.2, 1, 1, 0, (CoulombFriction(0.07),), (0.6, 0.4e-3, 0.4 * 0.38, 0.0))
+    weak, strong = (
+        np.array(model.predict(model.start(0.0, 0.0, {}), [1e3 * d] * 50, [{}] * 50)) for d in (drive_mps, 1.0)
+    )
+    assert np.abs(weak[10:]).max() < 0.015
+    assert strong[-1] == pytest.approx(1.0 - 0.38)

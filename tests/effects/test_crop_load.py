@@ -6,14 +6,24 @@ from cruise.effects.crop_load import CropLoad
 from cruise.model.model import Model
 
 
+def phi(speed_mps):
+    return CropLoad(crossover_mps=0.1).step(0.0, speed_mps, {"engine_load_pct": 80.0}, (speed_mps, 0.0), 0.2)[0]
+
+
 def test_full_load_costs_the_coefficient():
-    assert CropLoad().step(0.0, 1.0, {"engine_load_pct": 100.0}, CropLoad().start(0.0), 0.2)[0] == -1.0
+    assert CropLoad().step(0.0, 2.0, {"engine_load_pct": 100.0}, CropLoad().start(0.0), 0.2)[0] == pytest.approx(-1.0)
     model = Model(0.2, 0, 1, 0, (CropLoad(),), (1e-3, 0.3, 0.0))
     lost = [
         model.predict(model.start(1.0, 900.0, now), [900.0], [now])[0]
         for now in ({"engine_load_pct": 20.0}, {"engine_load_pct": 80.0})
     ]
-    assert lost[0] - lost[1] == pytest.approx(0.3 * 0.6)
+    assert lost[0] - lost[1] == pytest.approx(0.3 * 0.6, rel=1e-3)
+
+
+def test_it_holds_the_machine_back_whichever_way_it_goes_and_moves_none_that_stands():
+    assert phi(1.0) == pytest.approx(-0.8)
+    assert phi(-1.0) == pytest.approx(0.8)
+    assert phi(0.0) == 0.0
 
 
 def test_what_the_drive_itself_takes_from_the_engine_is_no_crop():

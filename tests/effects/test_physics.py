@@ -18,8 +18,29 @@ def test_dead_zone(current_ma, left_ma):
     assert DeadZone(350.0).step(float(current_ma), 0.0, {}, None, 0.2)[0] == pytest.approx(left_ma)
 
 
+def test_an_edge_as_wide_as_the_zone_leaves_a_zone():
+    wide, narrow = DeadZone(100.0, 140.0), DeadZone(100.0, 25.0)
+    for current_ma in (20.0, 60.0, 100.0, 300.0):
+        assert wide.step(current_ma, 0.0, {}, None, 0.2) == narrow.step(current_ma, 0.0, {}, None, 0.2)
+    assert wide.step(50.0, 0.0, {}, None, 0.2)[0] < 0.03 * 100.0
+    assert wide.inverse(40.0, {}, None) == narrow.inverse(40.0, {}, None)
+    assert DeadZone(1.0, 140.0).step(5.0, 0.0, {}, None, 0.2)[0] == 4.0  # no room for an edge at all
+
+
 def test_quadratic_gain():
     assert QuadraticGain(0.5).step(400.0, 0.0, {}, None, 0.2)[0] == pytest.approx(400 * (1 + 0.5 * 0.4))
+
+
+@pytest.mark.parametrize(("curvature", "flattening"), [(1.8, 0.8), (5.0, 2.0), (-0.3, 1.0), (0.0, 2.0)])
+def test_a_flattened_curve_becomes_straight_and_is_undone_by_its_inverse(curvature, flattening):
+    effect = QuadraticGain(curvature, flattening)
+    current_ma = np.linspace(-1200.0, 1200.0, 49)
+    drive_ma = effect.step(current_ma, 0.0, {}, None, 0.2)[0]
+    np.testing.assert_allclose(drive_ma, -drive_ma[::-1])
+    found = [effect.inverse(float(value), {}, None).low for value in drive_ma]
+    np.testing.assert_allclose(found, current_ma, atol=1e-6)
+    far_ma = effect.step(np.array([1e6, 2e6]), 0.0, {}, None, 0.2)[0]
+    assert np.diff(far_ma)[0] / 1e6 == pytest.approx(1.0 + curvature / flattening, rel=1e-3)
 
 
 def test_beyond_the_vertex_of_a_falling_curve_there_is_no_current():

@@ -20,9 +20,19 @@ def test_beyond_the_limit_the_gain_is_the_share_that_can_be_given():
     assert gain(30.0, 2.0, UP | {"machine_mass_kg": 30000.0}) == pytest.approx(15.0 / DEMAND_KW)
 
 
+def test_a_stiff_limit_takes_back_a_power_of_the_excess():
+    assert PowerLimit(30.0, 2.0).step(1.0, 2.0, UP, None, 0.2)[0] == pytest.approx((30.0 / DEMAND_KW) ** 2)
+
+
 @pytest.mark.parametrize(("pitch_deg", "speed_mps"), [(-10.0, 2.0), (10.0, -2.0), (10.0, 0.5), (0.0, 2.0)])
 def test_downhill_slow_and_level_nothing_is_felt(pitch_deg, speed_mps):
     assert gain(30.0, speed_mps, UP | {"pitch_deg": pitch_deg}) == 1.0
+
+
+def test_soft_ground_asks_for_power_on_the_level_too():
+    level = UP | {"pitch_deg": 0.0}
+    asked_kw = 15.0 * 9.81 * 0.12 * 2.0
+    assert PowerLimit(20.0, 1.0, 0.12).step(1.0, 2.0, level, None, 0.2)[0] == pytest.approx(20.0 / asked_kw)
 
 
 def test_backwards_uphill_is_uphill():

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from cruise.effects import over
-from cruise.effects.sensor_bias import TAU_S, SensorBias
+from cruise.effects.sensor_bias import SensorBias
 
 DT_S = 0.2
 
 
-def phi(ground_mps, wheel_mps):
+def phi(ground_mps, wheel_mps, filter_s=30.0):
     signals = {"ground_speed_mps": ground_mps, "wheel_speed_mps": wheel_mps}
-    return over(SensorBias(), 0.0, np.zeros(len(ground_mps)), signals, DT_S)[0]
+    return over(SensorBias(filter_s), 0.0, np.zeros(len(ground_mps)), signals, DT_S)[0]
 
 
 def test_a_constant_difference_is_known_from_the_first_sample_on_at_any_speed():
@@ -26,11 +26,12 @@ def test_the_noise_of_a_sample_does_not_explain_itself():
     assert np.std(found) < 0.005
 
 
-def test_it_forgets_with_its_time_constant():
+@pytest.mark.parametrize("filter_s", [4.0, 30.0])
+def test_it_forgets_with_its_time_constant(filter_s):
     ground = np.where(np.arange(2000) < 1000, 1.0, 1.2)
-    found = phi(ground, np.ones(2000))
+    found = phi(ground, np.ones(2000), filter_s)
     assert found[1000] == 0.0, "known before the sample"
-    assert found[1000 + round(TAU_S / DT_S)] == pytest.approx(0.2 * (1 - np.exp(-1)), rel=0.02)
+    assert found[1000 + round(filter_s / DT_S)] == pytest.approx(0.2 * (1 - np.exp(-1)), rel=0.02)
 
 
 def test_it_is_the_mean_over_what_it_has_seen_before_it_forgets():

@@ -13,6 +13,11 @@ def test_each_metre_per_second_takes_its_share_forward_and_backward():
     np.testing.assert_allclose(gain, [0.6, 0.8, 1.0, 0.8, -0.2])
 
 
+def test_with_the_square_of_the_speed_little_is_lost_when_slow_and_much_when_fast():
+    gain, _ = SpeedDroop(0.02, 2.0).step(1.0, np.array([-3.0, 0.5, 1.0, 3.0]), {}, None, 0.2)
+    np.testing.assert_allclose(gain, [0.82, 0.995, 0.98, 0.82])
+
+
 def test_the_machine_settles_where_drive_and_droop_balance():
     free_mps, speed_mps = 3.0, 0.0
     for _ in range(200):

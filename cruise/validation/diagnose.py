@@ -2,7 +2,8 @@
 
 Every candidate is fitted jointly with the core and judged on held-out blocks, at least 3 s ahead. What counts is how
 far the error falls, against every other candidate, the curves without physics among them. Consequences of the drive
-(engine load, line pressure) must explain more than a cause does to be believed.
+(engine load, line pressure) must explain more than a cause does to be believed. In the end a catch-all tells "nothing"
+from "unlisted": much of an error that the recorded signals foretell, and all known effects don't, has a cause.
 """
 
 import math
@@ -16,6 +17,7 @@ import numpy as np
 from cruise.effects import EFFECTS
 from cruise.validation.background import Background
 from cruise.validation.candidates import MEDIATORS, Candidate, Refused, candidates, unnamed, without
+from cruise.validation.foretold import CHANCE, Foretold, foretold
 from cruise.validation.search import Judged, gain, sureness
 from cruise.validation.slip import slip_mps
 from cruise.validation.study import Study
@@ -32,10 +34,13 @@ BEYOND_DOUBT: Final = 6.0  # standard errors that a background, which has its mo
 LEAST_CURVED: Final = 0.45  # of the loss, that a free curve must explain to have the word
 CURVED: Final = (60.0, 0.05)  # evidence, and share of it, by which a free curve must exceed all effects
 MEDIATED: Final = 0.3  # of what the best cause leaves: all that a signal may leave through which every force acts
+LEAST_FORETOLD: Final = 0.1  # of the first loss, that the catch-all must foretell for something to be missing,
+LEAST_BESIDE: Final = 0.5  # and of what the named effects explain, for them to be no more than substitutes
+PLAIN: Final = 0.5  # of what the best cause leaves: with less, a consequence of the drive is a cause all the same
 SUPERFLUOUS: Final = 0.5  # of ENOUGH: what an effect must still bring beside the others
 MOST_EFFECTS: Final = 4
 MOST_STEPS: Final = 8  # two effects that drop each other would go on for ever
-ALIKE: Final = 8.0  # evidence below which no form of a model is exact enough to decide,
+ALIKE: Final = 20.0  # evidence below which no form of a model is exact enough to decide,
 LOOSE: Final = 1.2  # unless the loss decides
 HALF_MARGIN: Final = 12.0  # margin taken to be as often right as wrong: by eye, not yet by tools/blind_trial calibrate
 STEEPNESS: Final = 1.3  # likewise
@@ -107,8 +112,14 @@ class Diagnosis:
     steps: tuple[Step, ...]
     base: Judged
     final: Judged  # with the effects that were chosen, an unnamed dependence too
+    hidden: Foretold  # what the catch-all still finds beside them
     refused: tuple[Refused, ...]
     study: Study
+
+    @property
+    def explained(self) -> bool:
+        """Whether the verdict comes with a model that errs less: with effects, or with a curve of a signal."""
+        return bool(self.effects) or self.final is not self.base
 
 
 Show = Callable[[str], None]
@@ -120,19 +131,27 @@ def diagnose(study: Study, show: Show = lambda text: None) -> Diagnosis:
     steps, chosen, final, refused = _forward(study, rng, show)
     base = steps[0].before
     named = tuple(name for name in chosen if not name.startswith(UNNAMED))
-    unlisted = bool(chosen) and chosen[0].startswith(UNNAMED)
+    show("what the recorded signals still foretell")
+    hidden = _hidden(study, steps[-1], final)
+    curved = bool(chosen) and chosen[0].startswith(UNNAMED)
+    excess = _excess(hidden, base, final)
+    unlisted = curved or excess > 1.0
     places = () if unlisted else tuple(_place(study, name, steps, chosen, final, rng, show) for name in named)
     alike = tuple((one.name, *one.alike) for one in places if one.alike)
-    margin = min([*(one.margin for one in places), _margin_of_the_end(steps, chosen)])
+    if excess > 1.0:
+        margin = ENOUGH * (excess - 1.0)
+    else:
+        margin = min([*(one.margin for one in places), _margin_of_the_end(steps, chosen)])
+        margin = margin if curved else min(margin, ENOUGH * (1.0 - excess))
     confidence = confidence_of(margin)
     ranking = _ranking(base, steps[0], named, confidence)
     verdict, effects, signals, words = Verdict.MISSING, named, (), ""
-    if not chosen:
-        verdict = Verdict.NOTHING
-    elif unlisted:
+    if unlisted:
         verdict, effects = Verdict.UNLISTED, ()
-        signals = tuple(name.removeprefix(UNNAMED) for name in chosen if name.startswith(UNNAMED))
+        signals, final = ((chosen[0].removeprefix(UNNAMED),), final) if curved else (hidden.signals, base)
         words = _vary(signals)
+    elif not chosen:
+        verdict = Verdict.NOTHING
     elif len(named) == 1 and alike:
         verdict, effects = Verdict.AMBIGUOUS, alike[0]
         words = " ".join(f"{name}: {EFFECTS[name].about.experiment}." for name in effects)
@@ -150,9 +169,24 @@ def diagnose(study: Study, show: Show = lambda text: None) -> Diagnosis:
         steps=steps,
         base=base,
         final=final,
+        hidden=hidden,
         refused=tuple(refused),
         study=study,
     )
+
+
+def _hidden(study: Study, last: Step, final: Judged) -> Foretold:
+    """What the catch-all finds beside the final model; nothing where no step looked beside it."""
+    if last.before is not final:  # an unnamed curve, or as many effects as are looked for
+        return Foretold(0.0, 0.0, ())
+    known = [one for one in last.tried if not one.name.startswith(UNNAMED) and one.name not in MEDIATORS]
+    return foretold(study.search.scene, final.fit, [one.judged.fit for one in known], study.search.blocks)
+
+
+def _excess(hidden: Foretold, base: Judged, final: Judged) -> float:
+    """What the catch-all foretells, over what it has to for something unlisted to be missing."""
+    least = max(LEAST_FORETOLD * base.loss, LEAST_BESIDE * (base.loss - final.loss))
+    return min(hidden.share / CHANCE, hidden.loss / least)
 
 
 def confidence_of(margin: float) -> float:
@@ -243,11 +277,15 @@ def _tried(
         (slip_mps(study.recordings), frozenset({"wheel_slip", "sensor_bias"})),
     )
     credit = {one.name: one.credit for one in everyone}
-    causes = [one for one in judged if credit[one.candidate] == 1.0 and one.candidate not in MEDIATORS]
-    least = min((one.loss for one in causes), default=present.loss)
+    others = [one for one in judged if one.candidate not in MEDIATORS]
+    causes = [one.loss for one in others if credit[one.candidate] == 1.0]
     for one in judged:
-        if one.candidate in MEDIATORS and one.loss > MEDIATED * min(least, present.loss):
-            credit[one.candidate] = 0.0
+        if one.candidate in MEDIATORS:
+            direct = [other.loss for other in others if other.candidate in named or credit[other.candidate] == 1.0]
+            if one.loss > MEDIATED * min([present.loss, *direct]):
+                credit[one.candidate] = 0.0
+        elif one.candidate in named and one.loss < PLAIN * min([present.loss, *causes]):
+            credit[one.candidate] = 1.0
     background.settle({name: credit[name] for name in named})
     tried = []
     for one in judged:

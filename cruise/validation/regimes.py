@@ -80,6 +80,7 @@ class HeatMap:
     excess: float
     excess_low: float  # 95 %
     excess_high: float
+    cell: np.ndarray  # (N,) of every sample with an error: row * number of columns + column, -1 where not known
 
 
 @dataclass(frozen=True, eq=False)
@@ -368,4 +369,5 @@ def _heat_map(
         excess=float(outside.mean()),
         excess_low=float(low),
         excess_high=float(high),
+        cell=cell,
     )

@@ -166,7 +166,7 @@ def test_a_drive_that_does_not_excite_is_drawn_anew(monkeypatch):
 # plan
 
 
-def test_the_plan_holds_what_issue_4_asks_for():
+def test_the_plan_holds_every_effect_in_every_size():
     tasks = plan("clean", KINDS, EVERYTHING, SIZES, range(5))
     assert len({one.key for one in tasks}) == len(tasks)
     kinds = {kind: [one for one in tasks if one.kind == kind] for kind in KINDS}

@@ -240,7 +240,7 @@ def test_a_layout_and_its_vector_are_one_explanation():
     plan = layout(start, 1.0, GAIN, lambda name: not name.startswith("grade."))
     assert plan.explanation(plan.vector) == start
     assert {(slot.owner, slot.name) for slot in plan.slots if slot.owner == "grade"} == {("grade", "load")}
-    assert len(plan.slots) == 5 + 3 + 1 + 1 + 2 + 1 + 2 + 1 + 2
+    assert len(plan.slots) == 5 + 3 + 1 + 1 + 2 + 2 + 2 + 1 + 2
     changed = plan.explanation(plan.vector + 1e-3 * plan.scale)
     assert replace(plan, start=changed).vector == pytest.approx(plan.vector + 1e-3 * plan.scale)
     assert changed.effects[4] == start.effects[4]

@@ -91,7 +91,7 @@ CASES: dict[str, tuple[tuple[Effect, ...], tuple[float, ...]]] = {
     "gain with pace": ((GearRatio(1.4, 2.5, 4.4, 7.8),), ()),
     "load": ((Grade(0.5, 0.3, 0.5),), (0.4,)),
     "dynamics with pace": ((DeadZone(250.0), ActiveBraking(0.4)), ()),
-    "sensor": ((SensorBias(), WheelSlip(0.7)), (0.6,)),
+    "sensor": ((SensorBias(4.0),), (0.6,)),
     "gain of the speed": ((SpeedDroop(0.08),), ()),
     "gain of the speed with a signal": ((PowerLimit(15.0, 1.5),), ()),
     "load of the speed": ((CoulombFriction(0.3),), (0.3,)),
@@ -146,6 +146,16 @@ def test_a_memory_of_speed_that_starts_unknown_matters_little_three_seconds_late
     bound = (1.0 - a) * a ** (AHEAD - 2) * 0.5 * 0.01 * 10.0 * fastest
     assert bound < 2e-3
     assert np.nanmax(np.abs(simulated - predicted(explanation, one))) < bound
+
+
+def test_slip_that_starts_unknown_matters_little_three_seconds_later():
+    """The model knows the slip before the segment, the scene starts with none: what is left of that decays as a^15."""
+    one = recording()
+    explanation = Explanation(CORE, (WheelSlip(0.1),), (0.8,), 0.1)
+    (simulated,), (bare,) = (scene_of(one).simulate([each]) for each in (explanation, Explanation(CORE, (), (), 0.1)))
+    assert CORE.pole(PERIOD_S) ** AHEAD < 0.01
+    assert np.nanmax(np.abs(simulated - predicted(explanation, one))) < 0.01 * np.max(np.abs(one.output))
+    assert np.nanmax(np.abs(simulated - bare)) > 0.2
 
 
 @pytest.mark.parametrize("case", ["core alone", "command", "load", "all at once"])

@@ -5,13 +5,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from cruise.cli.picture import BLUE, GREY
+from cruise.report.colours import BLUE, GREY
 
 from .effects import EFFECTS
 from .score import NOT_DECIDED, Score
 
 NONE: Final = ("nothing", "unlisted")
-MANY: Final = 30  # answers in a tenth, from which its point is judged (issue 4)
+MANY: Final = 30  # answers in a tenth, from which its point is judged
 CLOSE: Final = 0.05
 
 

@@ -12,7 +12,7 @@ from .trial import Tier
 
 Kind = Literal["single", "nothing", "unlisted", "two", "three"]
 KINDS: Final[tuple[Kind, ...]] = ("single", "nothing", "unlisted", "two", "three")
-A_SEED: Final = {"nothing": 30, "two": 10, "three": 4}  # trials; 5 seeds make the 150 without an effect of issue 4
+A_SEED: Final = {"nothing": 30, "two": 10, "three": 4}  # trials; 5 seeds make 150 without an effect
 DRIVES: Final = {"single": 0, "nothing": 1_000_000, "two": 2_000_000, "three": 3_000_000}  # first seed of each kind
 EFFECTS_OF: Final = {"two": 2, "three": 3}
 NEXT_DRIVE: Final = 100_000  # added to the seed where an effect can't become as large on a drive as it should

@@ -29,7 +29,11 @@ from .trial import PERIOD_S, Tier
 
 MODEL: Final = "arx:na=1,nb=3,delay_s=0.5"  # that lacks the effect: low order, its delay may be up to 1 s
 MODEL_PERIOD_S: Final = 0.2  # s, what the program takes unless told otherwise
-RATIOS: Final[Mapping[str, float]] = {"small": 1.3, "medium": 2.0, "large": 4.0}  # issue 4
+RATIOS: Final[Mapping[str, float]] = {
+    "small": 1.3,
+    "medium": 2.0,
+    "large": 4.0,
+}  # base error over that of the true structure
 TOLERANCE: Final = 0.12  # relative, of the ratio
 MOST_STEPS: Final = 4  # simulations for one size
 LEAST_GROWTH: Final = 0.01  # of r^2 - 1: what is below is no effect but the noise of the judgement

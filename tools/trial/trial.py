@@ -11,8 +11,8 @@ import msgspec
 import numpy as np
 
 PERIOD_S: Final = 0.05  # 20 Hz, the paper's rate
-SECONDS: Final = {"clean": 900.0, "field": 600.0}  # issue 4
-NOISE_MPS: Final = {"clean": 0.01, "field": 0.04}  # standard deviation of the shown ground speed, issue 4
+SECONDS: Final = {"clean": 900.0, "field": 600.0}  # s, of a recording
+NOISE_MPS: Final = {"clean": 0.01, "field": 0.04}  # standard deviation of the shown ground speed
 
 Tier = Literal["clean", "field"]
 SIZES: Final = ("small", "medium", "large")

@@ -1,4 +1,4 @@
-"""A score in words, beside what issue 4 asks for, and as JSON."""
+"""A score in words, beside what it has to be, and as JSON."""
 
 import math
 import sys

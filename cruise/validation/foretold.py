@@ -1,0 +1,140 @@
+"""The catch-all: how much of an error the recorded signals and the current's history foretell, whatever the law.
+
+    e = error - J d - sum_j b_j z_j,   |d| <= 1,   0 <= b_j <= 1/2        what a little of every known effect leaves
+    share  R^2 = 1 - sum_k (e_k - p_k)^2 / sum_k e_k^2
+
+J derivatives of the error by the model's own parameters in units of a typical change, z_j what effect j takes away
+where it is fitted alone: every machine may have half of each of them. p_k comes from gradient boosted trees that have
+not seen the block of time in which k lies. They see the current as it is and was (bands of it, and plays, which
+remember where it came from), the speed of the model and every signal that the drive itself doesn't move: what answers
+to the drive would show them the error. Noise, soil and wind that nobody recorded are not foretold; an effect that no
+one has named is, a memory of the current's included.
+Source: J. H. Friedman, Greedy function approximation: a gradient boosting machine, Annals of Statistics 29 (2001) 1189.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+from scipy import signal
+from scipy.optimize import lsq_linear
+from sklearn.ensemble import HistGradientBoostingRegressor
+from threadpoolctl import threadpool_limits
+
+from cruise.effects.hysteresis import Hysteresis
+from cruise.signals import INPUT, OUTPUT
+from cruise.validation.fitting import Fit, bounded
+from cruise.validation.simulation import Scene
+from cruise.validation.unnamed import SPEED
+
+BANDS_S: Final = (0.2, 0.5, 1.0, 2.0, 4.0)  # time constants between the bands into which the current is cut
+PLAYS: Final = (0.01, 0.04, 0.1)  # half widths, of the range of the current
+ANSWERS: Final = frozenset({INPUT, OUTPUT, "pump_current_command_ma", "wheel_speed_mps"})
+"""Current and speed, which are seen otherwise, and what is nearly one of them."""
+MOVED: Final = frozenset({"line_pressure_bar", "engine_load_pct"})
+"""What the drive itself moves."""
+FOLDS: Final = 5
+LITTLE: Final = 0.5  # of what an effect takes away where it is fitted alone
+ROUNDING: Final = 1e-9  # of the diagonal of the normal equations
+CHANCE: Final = 0.2  # R^2 that trees may reach on what nothing moves
+LEAST_NAMED: Final = 0.2  # of the share, that is lost with a signal that is worth naming
+TREES: Final = {
+    "max_iter": 80,
+    "learning_rate": 0.1,
+    "max_leaf_nodes": 12,
+    "min_samples_leaf": 25,
+    "l2_regularization": 5.0,
+    "random_state": 0,
+    "early_stopping": False,
+}
+
+
+@dataclass(frozen=True)
+class Foretold:
+    """R^2, what is foretold in m2/s2, and the signals without which most of it is lost, the costliest first."""
+
+    share: float
+    loss: float
+    signals: tuple[str, ...]
+
+
+@threadpool_limits.wrap(limits=1)  # two threads that wait for each other cost more than they bring
+def foretold(scene: Scene, present: Fit, others: Sequence[Fit], blocks: np.ndarray) -> Foretold:
+    """How much of the error of a fit is foretold across `blocks` (N,) of time, a little of all `others` beside it."""
+    error_mps = beside(present, others)
+    seen = _seen(scene, scene.speed_mps - bounded(present.error_mps))
+    names = [name for name, columns in seen.items() for _ in columns]
+    matrix = np.column_stack([column for columns in seen.values() for column in columns])
+    known, held = np.isfinite(error_mps), blocks % FOLDS
+    error = np.where(known, error_mps, 0.0)
+    whole, without = np.zeros_like(error), {name: np.zeros_like(error) for name in seen}
+    for fold in range(FOLDS):
+        shown, unseen = known & (held != fold), known & (held == fold)
+        if not unseen.any() or not shown.any():
+            continue
+        trees = HistGradientBoostingRegressor(**TREES).fit(matrix[shown], error[shown])
+        rows = matrix[unseen]
+        whole[unseen] = trees.predict(rows)
+        for name in seen:  # as if the signal had been that of another time
+            mine = np.array([one == name for one in names])
+            mixed = np.where(mine, np.roll(rows, len(rows) // 2, axis=0), rows)
+            without[name][unseen] = trees.predict(mixed)
+    total = max(float(error @ error), 1e-12)
+
+    def share(part: np.ndarray) -> float:
+        return 1.0 - float(np.sum((error - part)[known] ** 2)) / total
+
+    all_of_it = share(whole)
+    lost = {name: all_of_it - share(part) for name, part in without.items()}
+    named = [name for name in sorted(lost, key=lambda name: -lost[name]) if lost[name] > LEAST_NAMED * all_of_it]
+    loss = max(all_of_it, 0.0) * total / max(int(known.sum()), 1)
+    return Foretold(all_of_it, loss, tuple(named) if all_of_it > CHANCE else ())
+
+
+def beside(present: Fit, others: Sequence[Fit]) -> np.ndarray:
+    """The error (N,) in m/s of a fit with a little of all others beside it, NaN where it is not judged."""
+    error = present.error_mps
+    known = np.isfinite(error)
+    slopes = present.jacobian * present.layout.scale
+    moved = [error - one.error_mps for one in others]
+    columns = bounded(np.column_stack([slopes, *moved]))[known]
+    own, count = slopes.shape[1], columns.shape[1]
+    low, high = np.zeros(count), np.full(count, LITTLE)
+    low[:own], high[:own] = -1.0, 1.0
+    squares = columns.T @ columns
+    root = np.linalg.cholesky(squares + ROUNDING * (np.trace(squares) / count + 1e-12) * np.eye(count))
+    shares = lsq_linear(root.T, np.linalg.solve(root, columns.T @ bounded(error[known])), (low, high)).x
+    result = np.full(len(error), np.nan)
+    result[known] = bounded(error[known]) - columns @ shares
+    return result
+
+
+def _seen(scene: Scene, modelled_mps: np.ndarray) -> Mapping[str, list[np.ndarray]]:
+    """Columns (N,) by the signal that they come from."""
+    current = np.concatenate([_history(scene.current_ma[part], scene.period_s) for part in scene.parts], axis=1)
+    signals = {
+        name: [column]
+        for name, column in scene.signals.items()
+        if name not in ANSWERS | MOVED and np.nanstd(column) > 0.0
+    }
+    return {INPUT: list(current), SPEED: [modelled_mps], **signals}
+
+
+def _history(current_ma: np.ndarray, period_s: float) -> np.ndarray:
+    """The current (M, N) as it is and as it was."""
+    known = np.isfinite(current_ma)
+    if not known.any():
+        return np.full((2 + len(BANDS_S) + len(PLAYS), len(current_ma)), np.nan)
+    current = np.interp(np.arange(len(current_ma)), np.flatnonzero(known), current_ma[known])
+    slower = [current]
+    for span_s in BANDS_S:
+        rest = math.exp(-period_s / span_s)
+        slower.append(signal.lfilter([1.0 - rest], [1.0, -rest], current, zi=[rest * current[0]])[0])
+    rows = [current, slower[-1], *(fast - slow for fast, slow in pairwise(slower))]
+    low, high = np.percentile(current, [1, 99])
+    plays = [Hysteresis(2.0 * share * (high - low)) for share in PLAYS]
+    rows += [current - play.over(current, current, {}, period_s)[0] for play in plays]
+    return np.array(rows)

@@ -1,39 +1,53 @@
 """The speed controller: through the learned model, its delay and its inverse characteristic, to a current below 1 Hz.
 
-At every model sample: the observer takes the measured speed in, the reference moves on, the predictive law plans the
-drive signal, the command effects are inverted into a wanted current. At every frame: the shaper and the limits turn
-it into the current that is sent. Engine speed and gear act through the model's own effects, so that nothing here is
-scaled twice.
+At every frame: the observer takes the measured speed in, the reference moves on, the predictive law plans the drive,
+the command effects are inverted into a wanted current, and shaper and limits turn it into the current that is sent.
+The model is the learned one at the rate of the frames. What is measured acts through the model's own effects, so that
+nothing here is scaled twice: engine speed and gear scale the drive, slope and load are known before they cost speed.
+Effects that look at the speed are shown the observer's, which knows the commands: a pitch sensor's slope is then free
+of the machine's own acceleration without the noise of a derivative.
 """
 
 import math
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Annotated
 
 import msgspec
 import numpy as np
 
+from cruise.control.frame_model import at_period, slowest_pole
+from cruise.control.inversion import InversionSettings, current_for
 from cruise.control.limits import Limits, LimitSettings
 from cruise.control.observer import DisturbanceObserver, ObserverSettings
-from cruise.control.predictive import Plan, PredictiveSettings, solve
+from cruise.control.power import PowerGuard, PowerSettings
+from cruise.control.predictive import Bounds, Now, Plan, PredictiveSettings, Programme
 from cruise.control.reference import Reference, ReferenceSettings
 from cruise.control.shaping import CommandShaper
-from cruise.model.model import DriveResponse, Model, ModelState
+from cruise.control.trend import Trend
+from cruise.effects import Effect
+from cruise.effects.grade import Grade
+from cruise.model.model import Model, ModelState
 from cruise.settings import Positive, SettingsError
-from cruise.signals import Sample
+from cruise.signals import OUTPUT, Sample
+
+ENGINE = ("engine_load_pct", "engine_speed_rpm")
+SLOPE_S = 0.4  # s, least time constant through which a slope is seen: 1 cm/s of noise then is 2.5 cm/s2
+PACE_STEPS = 20.0  # per factor e: poles that differ by less share one programme
 
 
 class ControlSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Everything that decides how the machine is driven."""
 
-    frame_s: Positive = 0.05  # s, period of the command frames
-    shaping_hz: Positive = 1.2  # Hz, corner of each lag of the shaper
+    frame_s: Positive = 0.05  # s, period of the command frames and of the plans
+    shaping_hz: Positive = 2.0  # Hz, corner of each lag of the shaper
     shaping_order: Annotated[int, msgspec.Meta(ge=1, le=6)] = 2
     reference: ReferenceSettings = ReferenceSettings()
     observer: ObserverSettings = ObserverSettings()
     predictive: PredictiveSettings = PredictiveSettings()
+    inversion: InversionSettings = InversionSettings()
+    power: PowerSettings = PowerSettings()
     limits: LimitSettings = LimitSettings()
 
 
@@ -51,9 +65,16 @@ class Command:
 
     current_ma: float
     reference_mps: float
-    disturbance_mps: float
+    disturbance_mps: float  # of steady speed
     limited: str  # why the current is not the wanted one, or empty
     limit_status: LimitStatus = LimitStatus.NOT_LIMITED
+
+
+def _calm(effect: Effect) -> Effect:
+    """The effect as a frame may see it: the acceleration in a slope, a difference over one frame, is noise."""
+    if isinstance(effect, Grade) and effect.filter_s < SLOPE_S:
+        return effect.reshaped(filter_s=SLOPE_S)
+    return effect
 
 
 NEUTRAL = Command(0.0, math.nan, math.nan, "")
@@ -64,54 +85,59 @@ class Controller:
 
     def __init__(self, model: Model, settings: ControlSettings) -> None:
         self.settings = settings
-        self.model = model
-        self.frames = round(model.period_s / settings.frame_s)
-        if self.frames < 1 or abs(self.frames * settings.frame_s - model.period_s) > 1e-9:
+        self.frame_s = settings.frame_s
+        self.frames = round(model.period_s / self.frame_s)  # in a period of the model
+        if self.frames < 1 or abs(self.frames * self.frame_s - model.period_s) > 1e-9:
             raise SettingsError(
-                f"control.frame_s: {settings.frame_s} s does not fit; "
+                f"control.frame_s: {self.frame_s} s does not fit; "
                 f"the model's period of {model.period_s} s must be a multiple of it"
             )
-        self.horizon = max(round(settings.predictive.horizon_s / model.period_s), model.delay + model.nb)
-        self.observer = DisturbanceObserver(model.na, model.period_s, settings.observer)
+        self.observer = DisturbanceObserver(self.frame_s, settings.observer)
         self.reference = Reference(settings.reference)
-        self.shaper = CommandShaper(settings.shaping_hz, settings.shaping_order, settings.frame_s)
+        self.shaper = CommandShaper(settings.shaping_hz, settings.shaping_order, self.frame_s)
         self.limits = Limits(settings.limits)
-        self._from_states, self._from_wanted = self.shaper.response(self.frames, self.horizon)
-        # Dead time of model and shaper: the reference that the machine can follow lies that much in the past.
-        lag_s = settings.shaping_order / (2.0 * math.pi * settings.shaping_hz)
-        self.lag = model.delay + round(lag_s / model.period_s)
-        self.past_references = deque([0.0] * (self.lag + 1), maxlen=self.lag + 1)
+        self.power = PowerGuard(settings.power, self.frame_s)
+        self.engaged_s = 0.0
+        self.trend = Trend(settings.predictive.trend_s, self.frame_s)
         self.state: ModelState | None = None
         self.current_ma = math.nan  # as measured last
         self.wanted_ma = 0.0  # current that the shaper moves to
+        self.wanted_mps = 0.0  # what drive and loads shall give together
         self.plan: Plan | None = None
         self.engaged = False
         self.limited = ""
+        self._drive_with(model)
 
     def adopt(self, model: Model) -> None:
         """Drive with other parameters of the same structure from now on, without a bump."""
+        before_mps = self._steady_mps() if self.state is not None else 0.0
+        speed_mps = self.past_references[-1]
+        self._drive_with(model)
+        self.past_references.extend([speed_mps] * len(self.past_references))
+        self.trend.restart()
         if self.state is not None:
-            self.observer.shift(float(self.model.next_speed(self.state) - model.next_speed(self.state)))
-        self.model = model
+            self.state = self._resized(self.state)
+            more_mps = self._steady_mps() - before_mps
+            self.observer.shift(-more_mps)
+            self.wanted_mps += more_mps
 
-    def step(self, sample: Sample | None, setpoint_mps: float | None) -> Command:
-        """One frame: `sample` where a model period has just ended, `setpoint_mps` while engaged and None otherwise."""
-        if sample is not None:
-            self._watch(sample)
-        if setpoint_mps is None:
+    def step(self, sample: Sample, setpoint_mps: float | None) -> Command:
+        """One frame: `sample` the means over it, `setpoint_mps` while engaged and None otherwise."""
+        self._watch(sample)
+        if setpoint_mps is None or self.state is None:
             self.engaged = False
             self.limits.neutral()
-            return NEUTRAL
-        if self.state is None:  # nothing is known of the machine: the engagement will end this
-            self.engaged = False
-            self.limits.neutral()
-            return Command(0.0, math.nan, math.nan, "no measurement")
+            return NEUTRAL if setpoint_mps is None else Command(0.0, math.nan, math.nan, "no measurement")
         if not self.engaged:
             self._take_over()
-        if sample is not None:
-            self._plan(sample, setpoint_mps)
+        self.engaged_s += self.frame_s
+        load_pct, engine_rpm = (sample.signals.get(name, math.nan) for name in ENGINE)
+        bearable_mps = self.power.step(load_pct, engine_rpm, self.observer.speed_mps, setpoint_mps)
+        self._plan(self.state, bearable_mps)
+        if bearable_mps < setpoint_mps:
+            self.limited = "engine at its limit"
         shaped_ma = self.shaper.step(self.wanted_ma)
-        current_ma = self.limits.step(shaped_ma, self.settings.frame_s)
+        current_ma = self.limits.step(shaped_ma, self.frame_s)
         if current_ma != shaped_ma:
             self.shaper.reset(current_ma)
             self.limited = "current or its rate"
@@ -119,9 +145,38 @@ class Controller:
             current_ma, self.reference.speed_mps, self.observer.disturbance_mps, self.limited, self._limit_status()
         )
 
+    def _drive_with(self, model: Model) -> None:
+        self.model = fast = at_period(replace(model, effects=tuple(map(_calm, model.effects))), self.frame_s)
+        _, b, *_ = fast.split(fast.theta)
+        self._slowest, self._share_of_period = slowest_pole(model), self.frame_s / model.period_s
+        self._gain = fast.dc_gain_mps_per_ma
+        self._share = np.array(b) / sum(b)
+        self._programmes: dict[int, Programme] = {}
+        # The reference that the machine can follow lies the dead time in the past; lags are led.
+        late = max(fast.delay - round(self.settings.predictive.lead_s / self.frame_s), 0)
+        self.past_references = deque([0.0] * (late + 1), maxlen=late + 1)
+
+    def _resized(self, state: ModelState) -> ModelState:
+        """The state for the delay and the taps of the present model."""
+        depth = self.model.delay + self.model.nb
+        drives = (*state.drives, *[state.drives[-1]] * depth)[:depth]
+        return state._replace(drives=drives)
+
+    def _steady_mps(self) -> float:
+        """The steady speed that drive and loads as felt now give by the model."""
+        assert self.state is not None
+        return self._felt_mps(self.state) + self._load_mps(self.state)
+
+    def _felt_mps(self, state: ModelState) -> float:
+        return self._gain * state.gain * float(self._share.dot(state.drives[self.model.delay :]))
+
+    def _load_mps(self, state: ModelState) -> float:
+        a, _, loads, c_0 = self.model.split(self.model.theta)
+        return (c_0 + sum(c * phi for c, phi in zip(loads, state.loads, strict=True))) / (1.0 - a[0])
+
     def _limit_status(self) -> LimitStatus:
         limits = self.settings.limits
-        if self.wanted_ma >= limits.current_max_ma:
+        if self.wanted_ma >= limits.current_max_ma or math.isfinite(self.power.cap_mps):
             return LimitStatus.LIMITED_HIGH
         return LimitStatus.LIMITED_LOW if self.wanted_ma <= limits.current_min_ma else LimitStatus.NOT_LIMITED
 
@@ -135,55 +190,73 @@ class Controller:
         if self.state is None:
             self.state = model.start(sample.speed_mps, sample.current_ma, sample.signals)
             self.observer.reset(sample.speed_mps)
-        self.state = model.apply(self.state, sample.current_ma, sample.signals)
-        response = model.linearise(self.state, sample.signals)
-        drives = self.state.drives[model.delay : model.delay + model.nb]
-        known_mps = response.offset_mps + sum(b * v for b, v in zip(response.drive_coefficients, drives, strict=True))
-        self.observer.step(response, known_mps, sample.speed_mps)
-        self.state = model.observe(self.state, sample.speed_mps)
+            self.trend.restart()
+        signals = {**sample.signals, OUTPUT: self.observer.speed_mps}
+        self.signals = signals
+        state = model.apply(self.state, sample.current_ma, signals)
+        # Equation 12 slows the pole down at the period at which it was learned.
+        self.pole = max(1.0 - state.pace * (1.0 - self._slowest), 0.0) ** self._share_of_period
+        load_mps = self._load_mps(state)
+        self.trend.step(state.gain, load_mps)
+        self.observer.step(self.pole, self._felt_mps(state) + load_mps, sample.speed_mps)
+        self.state = model.observe(state, self.observer.speed_mps)
         self.current_ma = sample.current_ma
 
     def _take_over(self) -> None:
         """Begin where the machine is: its current, its speed."""
-        self.engaged = True
+        self.engaged, self.engaged_s = True, 0.0
+        self.power.cap_mps = math.inf
         self.limits.take_over(self.current_ma)
         self.shaper.reset(self.limits.last_ma)
         self.wanted_ma = self.limits.last_ma
-        speed_mps = self.observer.speeds_mps[0]
+        assert self.state is not None
+        drive_ma = self.model.drive_for(self.wanted_ma, self.state, self.signals)
+        self.wanted_mps = self._gain * self.state.gain * drive_ma + self._load_mps(self.state)
+        speed_mps = self.observer.speed_mps
         self.reference.reset(speed_mps)
-        self.past_references.extend([speed_mps] * (self.lag + 1))
+        self.past_references.extend([speed_mps] * len(self.past_references))
         self.limited = ""
 
-    def _plan(self, sample: Sample, setpoint_mps: float) -> None:
-        model, state, settings = self.model, self.state, self.settings
-        assert state is not None
-        period_s, signals = model.period_s, sample.signals
-        self.past_references.append(self.reference.step(setpoint_mps, period_s))
-        coming = [*self.past_references, *self.reference.preview(setpoint_mps, period_s, self.horizon)]
-        reference = np.array(coming[1 : 1 + self.horizon])
-        response: DriveResponse = model.linearise(state, signals)
-        if not response.dc_gain > 0.0:  # neutral gear, or no drive at this engine speed
+    def _programme(self) -> Programme:
+        """The law for the present pole, made when it is met first."""
+        key = round(PACE_STEPS * math.log(max(1.0 - self.pole, 1e-6)))
+        found = self._programmes.get(key)
+        if found is None:
+            settings = self.settings.predictive
+            found = Programme(self.pole, self._share, self.model.delay, self.shaper, self.frame_s, settings)
+            self._programmes[key] = found
+        return found
+
+    def _plan(self, state: ModelState, setpoint_mps: float) -> None:
+        model, settings, signals = self.model, self.settings, self.signals
+        self.past_references.append(self.reference.step(setpoint_mps, self.frame_s))
+        gain = self._gain * state.gain
+        if not gain > 0.0:  # neutral gear, or no drive at this engine speed
             self.limited = "no drive"
             return
-        free = response.free(self.observer.speeds_mps, state.drives, self.observer.disturbance_mps, self.horizon)
-        forced = response.forced(self.horizon)
-        in_shaper = np.array([model.drive_for(value, state, signals) for value in self.shaper.states_ma])
+        programme = self._programme()
+        coming = [*self.past_references, *self.reference.preview(setpoint_mps, self.frame_s, programme.count)]
+        reference = np.array(coming[1 : 1 + programme.count])
         limits = settings.limits
-        bounds = tuple(
-            model.drive_for(value, state, signals) for value in (limits.current_min_ma, limits.current_max_ma)
+
+        def steady_mps(current_ma: float) -> float:
+            return gain * model.drive_for(current_ma, state, signals)
+
+        now = Now(
+            self.observer.speed_mps,
+            gain * np.array(state.drives),
+            np.array([steady_mps(value) for value in self.shaper.states_ma]),
+            self._load_mps(state) + self.observer.disturbance_mps,
+            self.trend.rate_mps2(self.observer.speed_mps),
+            self.wanted_mps - self._load_mps(state),
         )
-        self.plan = solve(
-            free + forced @ (self._from_states @ in_shaper),
-            forced @ self._from_wanted,
-            reference,
-            self.observer.speeds_mps[0],
-            model.drive_for(self.wanted_ma, state, signals),
-            (bounds[0], bounds[1]),
-            response.dc_gain,
-            period_s,
-            settings.predictive,
-        )
-        inverse = model.current_for(self.plan.wanted_ma, state, signals)
+        low, high = steady_mps(limits.current_min_ma), steady_mps(limits.current_max_ma)
+        rate = (high - low) / (limits.current_max_ma - limits.current_min_ma) * limits.rate_max_ma_per_s
+        law = settings.predictive
+        share = law.engaging_share if self.engaged_s <= law.engaging_s else 1.0
+        self.plan = programme.solve(now, reference, Bounds(low, high, rate, share))
+        self.wanted_mps = self.plan.wanted_mps + self._load_mps(state)
+        inverse = current_for(model, self.plan.wanted_mps / gain, state, signals, settings.inversion)
         wanted_ma = inverse.nearest(self.wanted_ma)
         self.limited = inverse.refused or ("" if self.plan.solved else "no plan found")
         if math.isfinite(wanted_ma):

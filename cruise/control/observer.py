@@ -1,71 +1,73 @@
 """The disturbance observer: what the model doesn't explain, as one slowly moving number.
 
-    x_k = [y_k, y_(k-1) .., d_k]
-    y_(k+1) = sum_i a_i y_(k+1-i) + w_k + d_k,    d_(k+1) = d_k + noise,    measured: y_k + noise
+    x_k = [y_k, d_k]'
+    y_(k+1) = A y_k + (1 - A) (s_k + d_k) + noise,    d_(k+1) = d_k + noise,    measured: y_k + noise
 
-w known part (drive and offset) of the model's next speed in m/s, d disturbance in m/s per sample. A Kalman filter
-(filterpy); with d in the prediction the controller has no steady-state error (Muske and Badgwell, "Disturbance
-modeling for offset-free linear model predictive control", J. Process Control 12 (2002)).
+y speed in m/s, A pole of the vehicle over a frame, s steady speed in m/s that drive and loads give by the model, d
+disturbance in m/s of steady speed. A Kalman filter (filterpy) in its steady state: its gain is found once for each A.
+With d in the prediction the controller has no steady-state error (Muske and Badgwell, "Disturbance modeling for
+offset-free linear model predictive control", J. Process Control 12 (2002)).
 """
 
 import msgspec
 import numpy as np
 from filterpy.kalman import KalmanFilter
 
-from cruise.model.model import DriveResponse
 from cruise.settings import Positive
+
+SETTLED = 1e-7  # relative change of the gain at which it has converged
+MOST_STEPS = 2000
 
 
 class ObserverSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """How far the observer trusts sensor and model, as standard deviations per second."""
+    """How far the observer trusts sensor and model."""
 
-    speed_noise_mps: Positive = 0.006  # m/s, of one mean over a model period
-    model_noise_mps: Positive = 0.010  # m/s after 1 s, random part of the model's error
-    disturbance_mps: Positive = 0.10  # m/s per sample after 1 s, how fast hills and soil may come
+    speed_noise_mps: Positive = 0.010  # m/s, of one mean over a frame
+    model_noise_mps: Positive = 0.15  # m/s after 1 s, what the model errs by while the speed changes
+    disturbance_mps: Positive = 0.07  # m/s after 1 s, how fast hills and soil may come
 
 
 class DisturbanceObserver:
-    """Kalman filter on speeds and disturbance; `speed_mps` and `disturbance_mps` are its estimate."""
+    """`speed_mps` and `disturbance_mps` are all its state."""
 
-    def __init__(self, order: int, period_s: float, settings: ObserverSettings) -> None:
-        self.order = max(order, 1)
-        size = self.order + 1
-        self.filter = KalmanFilter(dim_x=size, dim_z=1, dim_u=1)
-        self.filter.H = np.eye(1, size)
-        self.filter.R *= settings.speed_noise_mps**2
-        self.input = np.eye(size, 1)
-        self.filter.Q = np.zeros((size, size))
-        self.filter.Q[0, 0] = settings.model_noise_mps**2 * period_s
-        self.filter.Q[-1, -1] = settings.disturbance_mps**2 * period_s
+    def __init__(self, frame_s: float, settings: ObserverSettings) -> None:
+        self.frame_s = frame_s
         self.settings = settings
+        self.speed_mps = 0.0
+        self.disturbance_mps = 0.0
+        self._gains: dict[float, tuple[float, float]] = {}
 
     def reset(self, speed_mps: float) -> None:
         """Begin at a measured speed, with no disturbance known."""
-        self.filter.x = np.full((self.order + 1, 1), speed_mps)
-        self.filter.x[-1] = 0.0
-        self.filter.P = np.diag([self.settings.speed_noise_mps**2] * self.order + [0.05**2])
+        self.speed_mps, self.disturbance_mps = speed_mps, 0.0
 
-    def step(self, response: DriveResponse, known_mps: float, speed_mps: float) -> None:
-        """One sample on: predict with the model and what is known of it, correct with the measured speed."""
-        transition = np.zeros((self.order + 1, self.order + 1))
-        transition[0, : len(response.speed_coefficients)] = response.speed_coefficients
-        transition[0, -1] = 1.0
-        transition[range(1, self.order), range(self.order - 1)] = 1.0
-        transition[-1, -1] = 1.0
-        self.filter.F = transition
-        self.filter.predict(u=np.array([[known_mps]]), B=self.input)
-        self.filter.update(np.array([[speed_mps]]))
+    def step(self, pole: float, steady_mps: float, speed_mps: float) -> float:
+        """One frame on: predict with the model, correct with the measured speed; returns the innovation in m/s."""
+        gains = self._gains.get(pole)
+        if gains is None:
+            gains = self._gains[pole] = self.gains(pole)
+        expected_mps = pole * self.speed_mps + (1.0 - pole) * (steady_mps + self.disturbance_mps)
+        innovation_mps = speed_mps - expected_mps
+        self.speed_mps = expected_mps + gains[0] * innovation_mps
+        self.disturbance_mps += gains[1] * innovation_mps
+        return innovation_mps
+
+    def gains(self, pole: float) -> tuple[float, float]:
+        """The steady Kalman gain for speed and disturbance."""
+        settings, found = self.settings, KalmanFilter(dim_x=2, dim_z=1)
+        found.F = np.array([[pole, 1.0 - pole], [0.0, 1.0]])
+        found.H = np.array([[1.0, 0.0]])
+        found.R *= settings.speed_noise_mps**2
+        found.Q = np.diag([settings.model_noise_mps**2, settings.disturbance_mps**2]) * self.frame_s
+        gain = np.zeros((2, 1))
+        for _ in range(MOST_STEPS):
+            found.predict()
+            found.update(np.zeros((1, 1)))
+            if np.abs(found.K - gain).max() < SETTLED:
+                break
+            gain = found.K
+        return float(found.K[0, 0]), float(found.K[1, 0])
 
     def shift(self, disturbance_mps: float) -> None:
         """Move the disturbance by what a change of the model explains differently, so that the change makes no bump."""
-        self.filter.x[-1, 0] += disturbance_mps
-
-    @property
-    def speeds_mps(self) -> tuple[float, ...]:
-        """Filtered y_k, y_(k-1) ..."""
-        return tuple(float(value) for value in self.filter.x[:-1, 0])
-
-    @property
-    def disturbance_mps(self) -> float:
-        """Estimate of d_k."""
-        return float(self.filter.x[-1, 0])
+        self.disturbance_mps += disturbance_mps

@@ -7,6 +7,8 @@ The square root is the acceleration from which half the allowed jerk still bring
 """
 
 import math
+from collections import deque
+from itertools import islice
 
 import msgspec
 
@@ -21,30 +23,42 @@ class ReferenceSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
 
 
 class Reference:
-    """Follows the setpoint: `speed_mps` and `accel_mps2` are all its state."""
+    """Follows the setpoint: `speed_mps` and `accel_mps2` are all its state, and the way ahead follows from them."""
 
     def __init__(self, settings: ReferenceSettings) -> None:
         self.settings = settings
         self.speed_mps = 0.0
         self.accel_mps2 = 0.0
+        self._ahead: deque[tuple[float, float]] = deque()  # the way to the setpoint as far as it was looked at
+        self._towards = (math.nan, math.nan)  # the setpoint and the step of this way
 
     def reset(self, speed_mps: float, accel_mps2: float = 0.0) -> None:
         """Begin from the machine's own motion, so that engaging doesn't jerk."""
         limit = self.settings.accel_mps2
         self.speed_mps, self.accel_mps2 = speed_mps, min(max(accel_mps2, -limit), limit)
+        self._ahead.clear()
 
     def step(self, setpoint_mps: float, dt_s: float) -> float:
         """The reference speed dt_s later."""
-        self.speed_mps, self.accel_mps2 = self._on(self.speed_mps, self.accel_mps2, setpoint_mps, dt_s)
+        self.speed_mps, self.accel_mps2 = self._way(setpoint_mps, dt_s, 1)[0]
+        self._ahead.popleft()
         return self.speed_mps
 
     def preview(self, setpoint_mps: float, dt_s: float, count: int) -> list[float]:
         """The next `count` reference speeds if the setpoint stays; changes nothing."""
-        speed, accel, result = self.speed_mps, self.accel_mps2, []
-        for _ in range(count):
-            speed, accel = self._on(speed, accel, setpoint_mps, dt_s)
-            result.append(speed)
-        return result
+        return [speed for speed, _ in islice(self._way(setpoint_mps, dt_s, count), count)]
+
+    def _way(self, setpoint: float, dt: float, count: int) -> deque[tuple[float, float]]:
+        """At least `count` points of the way: what was looked at before is not computed again."""
+        ahead = self._ahead
+        if self._towards != (setpoint, dt):
+            ahead.clear()
+            self._towards = (setpoint, dt)
+        speed, accel = ahead[-1] if ahead else (self.speed_mps, self.accel_mps2)
+        while len(ahead) < count:
+            speed, accel = self._on(speed, accel, setpoint, dt)
+            ahead.append((speed, accel))
+        return ahead
 
     def _on(self, speed: float, accel: float, setpoint: float, dt: float) -> tuple[float, float]:
         error = setpoint - speed

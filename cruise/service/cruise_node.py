@@ -32,7 +32,8 @@ _OPERATOR = ("cruise_enable", "cruise_set", "cruise_resume", "cruise_accelerate"
 _SAFETY = ("brake_pedal", "clutch_pedal", "lever_pct")
 _ASKED = ("setpoint_mps", "cruise_enable")  # what a CANopen panel may ask for instead
 _DRIVE = (INPUT, OUTPUT, "gear", *_SAFETY)  # what an experiment needs
-_SAMPLED = (INPUT, OUTPUT, *CONTEXT, "brake_pedal", "clutch_pedal")
+_FRAMES = (INPUT, OUTPUT, *CONTEXT)
+_SAMPLED = (*_FRAMES, "brake_pedal", "clutch_pedal")
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +74,8 @@ class CruiseNode:
         self.period_s = settings.control.frame_s
         self.codec = codec
         self.canopen = canopen
-        self.sampler = StreamSampler(settings.sampling, _SAMPLED)
+        self.sampler = StreamSampler(settings.sampling, _SAMPLED)  # over a period of the model, to learn from
+        self.frame_sampler = StreamSampler(settings.sampling, _FRAMES)  # over a frame, to drive by
         self.estimator = Estimator(model, settings.estimator)
         self.supervisor = Supervisor(model, settings.supervision)
         self.controller = Controller(model, settings.control)
@@ -124,6 +126,8 @@ class CruiseNode:
             self.latest[reading.name] = (reading.time_s, reading.value)
             if reading.name in self.sampler.streams:
                 self.sampler.push(reading.name, reading.time_s, reading.value)
+            if reading.name in self.frame_sampler.streams:
+                self.frame_sampler.push(reading.name, reading.time_s, reading.value)
 
     def tick(self, now_s: float) -> list[Frame]:
         """One frame period on: learn and plan where a model period ends, decide who drives, command the pump."""
@@ -135,7 +139,7 @@ class CruiseNode:
         situation = self._situation(now_s)
         state = self.engagement.step(replace(situation, healthy=False) if paused else situation)
         setpoint_mps = self.engagement.setpoint_mps if state is State.ENGAGED else None
-        self.command = self.controller.step(sample, setpoint_mps)
+        self.command = self.controller.step(self._frame(now_s), setpoint_mps)
         if state is State.COMMISSIONING:
             self.command = Command(self._excite(now_s), math.nan, math.nan, "")
         else:
@@ -154,7 +158,7 @@ class CruiseNode:
         """The last frames: released, neutral. It does not engage after this."""
         self.engagement.step(replace(self._situation(now_s), enable=False))
         self.healthy = False
-        self.command = self.controller.step(None, None)
+        self.command = self.controller.step(self._frame(now_s), None)
         self.commissioning.end(now_s)
         frames = [self._command_frame(now_s), self._speed_frame(now_s)]
         return frames if self.settings.commissioning is None else [*frames, self._commissioning_frame(now_s)]
@@ -183,9 +187,9 @@ class CruiseNode:
         )
 
     def _next_sample(self, now_s: float) -> Sample | None:
+        period_s = self.estimator.factory.period_s
         if self.ticks % self.controller.frames:
             return None
-        period_s = self.estimator.factory.period_s
         means = self.sampler.sample(now_s, period_s)
         signals = {name: means.get(name, math.nan) for name in (*CONTEXT, OUTPUT)}
         return Sample(
@@ -197,6 +201,12 @@ class CruiseNode:
             reference_mps=self.controller.reference.speed_mps,
             overridden=means.get("brake_pedal", 0.0) > 0.5 or means.get("clutch_pedal", 0.0) > 0.5,
         )
+
+    def _frame(self, now_s: float) -> Sample:
+        """The machine over the frame that ends now."""
+        means = self.frame_sampler.sample(now_s, self.period_s)
+        signals = {name: means[name] for name in (*CONTEXT, OUTPUT)}
+        return Sample(now_s, means[INPUT], means[OUTPUT], signals)
 
     def _excite(self, now_s: float) -> float:
         """The current of the experiment, begun here where it has not yet begun."""

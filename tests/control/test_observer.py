@@ -4,30 +4,41 @@ import numpy as np
 import pytest
 
 from cruise.control.observer import DisturbanceObserver, ObserverSettings
-from cruise.model.model import DriveResponse
 
-RESPONSE = DriveResponse((0.6, 0.1), (1e-3,), 2, 0.0)
+POLE, FRAME_S = 0.8, 0.05
 
 
 def test_it_finds_a_step_of_the_disturbance_within_two_seconds():
     rng = np.random.default_rng(0)
-    observer = DisturbanceObserver(2, 0.2, ObserverSettings())
-    y, before = 1.0, 1.0
+    observer = DisturbanceObserver(FRAME_S, ObserverSettings())
+    speed = 1.0
     observer.reset(1.0)
     found = []
-    for k in range(60):
-        disturbance = -0.05 if k >= 30 else 0.0
-        y, before = 0.6 * y + 0.1 * before + 0.3 + disturbance, y
-        observer.step(RESPONSE, 0.3, y + 0.005 * rng.standard_normal())
+    for k in range(200):
+        disturbance = -0.05 if k >= 100 else 0.0
+        speed = POLE * speed + (1.0 - POLE) * (1.0 + disturbance)
+        observer.step(POLE, 1.0, speed + 0.005 * rng.standard_normal())
         found.append(observer.disturbance_mps)
-    assert abs(np.mean(found[20:30])) < 0.01
-    assert np.mean(found[40:]) == pytest.approx(-0.05, abs=0.01)
-    assert observer.speeds_mps[0] == pytest.approx(y, abs=0.02)
+    assert abs(np.mean(found[60:100])) < 0.01
+    assert np.mean(found[140:]) == pytest.approx(-0.05, abs=0.01)
+    assert observer.speed_mps == pytest.approx(speed, abs=0.01)
+
+
+def test_its_gain_is_that_of_the_riccati_equation():
+    settings = ObserverSettings()
+    gain = np.array(DisturbanceObserver(FRAME_S, settings).gains(POLE))
+    F = np.array([[POLE, 1.0 - POLE], [0.0, 1.0]])  # noqa: N806
+    Q = FRAME_S * np.diag([settings.model_noise_mps**2, settings.disturbance_mps**2])  # noqa: N806
+    noise = settings.speed_noise_mps**2
+    P = Q  # noqa: N806
+    for _ in range(3000):
+        P = F @ (P - np.outer(P[:, 0], P[0]) / (P[0, 0] + noise)) @ F.T + Q  # noqa: N806
+    np.testing.assert_allclose(gain, P[:, 0] / (P[0, 0] + noise), rtol=1e-4)
 
 
 def test_a_shift_moves_the_disturbance_only():
-    observer = DisturbanceObserver(1, 0.2, ObserverSettings())
+    observer = DisturbanceObserver(FRAME_S, ObserverSettings())
     observer.reset(1.5)
     observer.shift(0.03)
     assert observer.disturbance_mps == pytest.approx(0.03)
-    assert observer.speeds_mps == (1.5,)
+    assert observer.speed_mps == 1.5

@@ -4,56 +4,102 @@ import numpy as np
 import pytest
 from scipy import optimize
 
-from cruise.control.predictive import PredictiveSettings, solve
-from cruise.model.model import DriveResponse
+from cruise.control.predictive import Bounds, Now, PredictiveSettings, Programme
+from cruise.control.shaping import CommandShaper
 
-RESPONSE = DriveResponse((0.7,), (3e-4, 3e-4, 2e-4), 2, 0.0)
-COUNT = 15
-SETTINGS = PredictiveSettings()
-
-
-def plan(reference, bounds=(0.0, 800.0), speed=1.0, settings=SETTINGS, last=375.0):
-    free = RESPONSE.free((speed,), [last] * 5, 0.0, COUNT)
-    return free, solve(free, RESPONSE.forced(COUNT), reference, speed, last, bounds, RESPONSE.dc_gain, 0.2, settings)
+FRAME_S, DELAY, POLE = 0.05, 10, 0.75
+RESPONSE = np.array([0.4, 0.4, 0.2])
+WIDE = Bounds(-10.0, 10.0, 100.0)
+FREE = Bounds(-10.0, 10.0, 1e6, 1e6)
+DEPTH = DELAY + len(RESPONSE)
 
 
-def test_it_is_the_optimum():
-    reference = np.linspace(1.0, 1.2, COUNT)
-    free, found = plan(reference)
-    gain = RESPONSE.dc_gain
+def programme(**changes) -> Programme:
+    return Programme(POLE, RESPONSE, DELAY, CommandShaper(2.0, 2, FRAME_S), FRAME_S, PredictiveSettings(**changes))
 
-    def cost(wanted):
-        moves = gain * np.diff(np.concatenate([[375.0], wanted]))
-        error = free + RESPONSE.forced(COUNT) @ wanted - reference
-        return error @ error + SETTINGS.move_weight * moves @ moves
 
-    best = optimize.minimize(cost, np.full(COUNT, 375.0), method="L-BFGS-B", options={"maxiter": 5000, "ftol": 1e-15})
-    assert found.wanted_ma == pytest.approx(best.x[0], rel=2e-3)
+def at_rest(speed_mps: float = 1.0, trend_mps2: float = 0.0) -> Now:
+    return Now(speed_mps, np.full(DEPTH, speed_mps), np.full(2, speed_mps), 0.0, trend_mps2, speed_mps)
+
+
+def simulated(wanted, now: Now, count: int) -> np.ndarray:
+    """The equations of the module, step by step."""
+    shaper = CommandShaper(2.0, 2, FRAME_S)
+    shaper.states_ma = now.shaper_mps.tolist()
+    past, speed, speeds = now.drives_mps.tolist(), now.speed_mps, []
+    for k in range(count):
+        past.insert(0, shaper.step(wanted[k]))
+        felt = sum(h * past[DELAY + j] for j, h in enumerate(RESPONSE))
+        dead_s = DELAY * FRAME_S
+        load = now.load_mps + now.trend_mps2 * dead_s * (1.0 - np.exp(-(k + 1) * FRAME_S / dead_s))
+        speed = POLE * speed + (1.0 - POLE) * (felt + load)
+        speeds.append(speed)
+    return np.array(speeds)
 
 
 def test_at_rest_on_the_setpoint_it_stays():
-    _, found = plan(np.ones(COUNT), last=1.0 / RESPONSE.dc_gain)
-    assert found.wanted_ma == pytest.approx(1.0 / RESPONSE.dc_gain, rel=1e-6)
-    np.testing.assert_allclose(found.speeds_mps, 1.0, rtol=1e-6)
+    law = programme()
+    found = law.solve(at_rest(), np.ones(law.count), WIDE)
+    assert found.solved
+    assert found.wanted_mps == pytest.approx(1.0, abs=1e-6)
+    np.testing.assert_allclose(found.speeds_mps, 1.0, atol=1e-6)
+
+
+def test_what_it_predicts_is_what_the_equations_give():
+    law = programme(move_weight=1e9)  # the wish stands still
+    rng = np.random.default_rng(0)
+    now = Now(1.2, rng.uniform(0.8, 1.4, DEPTH), np.array([1.1, 0.9]), -0.1, 0.05, 1.3)
+    found = law.solve(now, np.ones(law.count), FREE)
+    assert found.wanted_mps == pytest.approx(1.3, abs=1e-4)
+    np.testing.assert_allclose(found.speeds_mps, simulated(np.full(law.count, 1.3), now, law.count), atol=1e-4)
+
+
+def test_it_is_the_optimum():
+    law = programme(accel_max_mps2=100.0, jerk_max_mps3=1e4)
+    reference = 1.0 + np.linspace(0.0, 0.3, law.count)
+    found = law.solve(at_rest(), reference, WIDE)
+    lengths, weight = law.lengths, PredictiveSettings().move_weight
+
+    def cost(blocks):
+        wanted = np.repeat(blocks, lengths)
+        wanted = np.concatenate([wanted, np.full(law.count - len(wanted), blocks[-1])])
+        error = simulated(wanted, at_rest(), law.count) - reference
+        moves = np.diff(np.concatenate([[1.0], blocks]))
+        return error @ error + weight * moves @ moves
+
+    best = optimize.minimize(cost, np.ones(len(lengths)), method="L-BFGS-B", options={"maxiter": 500, "ftol": 1e-14})
+    assert found.wanted_mps == pytest.approx(best.x[0], abs=1e-3)
 
 
 def test_it_keeps_the_bounds_of_the_drive():
-    _, found = plan(np.full(COUNT, 5.0), bounds=(0.0, 500.0), settings=PredictiveSettings(accel_max_mps2=100.0))
-    assert found.wanted_ma == pytest.approx(500.0)
+    law = programme(move_weight=1e-3)
+    found = law.solve(at_rest(), np.full(law.count, 4.0), Bounds(0.5, 1.2, 100.0))
+    assert found.wanted_mps == pytest.approx(1.2)
 
 
-def test_it_keeps_the_predicted_acceleration():
-    _, found = plan(np.full(COUNT, 4.0), bounds=(0.0, 5000.0), settings=PredictiveSettings(move_weight=1e-4))
-    accel = np.diff(np.concatenate([[1.0], found.speeds_mps])) / 0.2
-    assert accel.max() <= 1.0 + 0.02
-    _, free_plan = plan(
-        np.full(COUNT, 4.0),
-        bounds=(0.0, 5000.0),
-        settings=PredictiveSettings(move_weight=1e-4, accel_max_mps2=100.0),
-    )
-    assert (np.diff(free_plan.speeds_mps) / 0.2).max() > 2.0
+@pytest.mark.parametrize(("share", "expected"), [(1.0, 1.0), (0.5, 0.5)])
+def test_it_keeps_the_predicted_acceleration_as_far_as_it_is_worth(share, expected):
+    law = programme(move_weight=1e-3, excess_weight=1e5, jerk_max_mps3=10.0)
+    found = law.solve(at_rest(), np.full(law.count, 4.0), Bounds(-10.0, 10.0, 100.0, share))
+    accel = np.diff(found.speeds_mps[DELAY:]) / FRAME_S
+    assert accel.max() == pytest.approx(expected, rel=0.1)
 
 
-def test_a_broken_acceleration_is_no_dead_end():
-    _, found = plan(np.ones(COUNT), speed=3.0, bounds=(374.0, 376.0))
-    assert found.solved
+def test_it_keeps_the_predicted_jerk():
+    law = programme(move_weight=1e-3, excess_weight=1e5)
+    found = law.solve(at_rest(), np.full(law.count, 4.0), WIDE)
+    jerk = np.diff(found.speeds_mps[DELAY:], 2) / FRAME_S**2
+    free = programme(move_weight=1e-3, accel_max_mps2=1e3, jerk_max_mps3=1e4)
+    rough = np.diff(free.solve(at_rest(), np.full(law.count, 4.0), WIDE).speeds_mps[DELAY:], 2) / FRAME_S**2
+    assert np.abs(rough).max() > 4.0 * np.abs(jerk).max()
+
+
+def test_a_broken_bound_is_no_dead_end():
+    law = programme()
+    now = Now(3.0, np.full(DEPTH, 1.0), np.full(2, 1.0), 0.0, 0.0, 1.0)
+    assert law.solve(now, np.ones(law.count), Bounds(0.99, 1.01, 0.1)).solved
+
+
+def test_a_trend_is_met_before_it_costs_speed():
+    law = programme()
+    assert law.solve(at_rest(trend_mps2=-0.1), np.ones(law.count), WIDE).wanted_mps > 1.005

@@ -46,3 +46,14 @@ def test_it_starts_from_the_machines_own_motion_within_its_limit():
     reference = Reference(SETTINGS)
     reference.reset(1.0, 5.0)
     assert reference.accel_mps2 == SETTINGS.accel_mps2
+
+
+def test_another_setpoint_or_step_on_the_way_is_followed_at_once():
+    once, twice = Reference(SETTINGS), Reference(SETTINGS)
+    for reference in (once, twice):
+        for _ in range(10):
+            reference.step(1.5, 0.05)
+    twice.preview(1.5, 0.05, 60)
+    assert [twice.step(0.5, 0.05) for _ in range(20)] == [once.step(0.5, 0.05) for _ in range(20)]
+    twice.preview(0.5, 0.05, 60)
+    assert twice.step(0.5, 0.1) == once.step(0.5, 0.1)

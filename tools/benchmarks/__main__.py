@@ -10,6 +10,7 @@ import typer
 from rich.console import Console
 
 from . import (
+    control_step,
     dart,
     driving,
     engaged,
@@ -22,12 +23,14 @@ from . import (
     opening,
     plant,
     recovery,
+    workbench,
 )
 from .figures import Part, show
 
 PAPER = 140  # characters, width of the tables in a file
 PARTS: dict[str, Callable[[], Part]] = {
     "estimator": estimator.measure,  # time of one update
+    "control": control_step.measure,  # time of one control step with the estimator, and its memory
     "loop": loop.measure,  # lateness at 100 Hz
     "plant": plant.measure,  # speed of the virtual combine
     "learning": learning.measure,  # against batch least squares, and after a change
@@ -36,6 +39,7 @@ PARTS: dict[str, Callable[[], Part]] = {
     "drive": driving.measure,  # the demo's figures
     "dart": dart.measure,  # measured drives
     "opening": opening.measure,  # an hour's recording, in every kind of file
+    "workbench": workbench.measure,  # first picture of an hour, and zooming in it
     "recovery": recovery.measure,  # known systems come back
     "ladder": ladder.measure,  # the demo before and after an effect was added
     "missing": missing.measure,  # a found effect against general methods, and the time of a diagnosis

@@ -1,0 +1,57 @@
+"""The engine at its limit: rather slower than stalled.
+
+    c_(k+1) = c_k - a T   while load > HIGH and n < s n_0, from the present speed on;   + b T   while load < LOW
+
+c highest setpoint in m/s, a and b rates in m/s2, T frame in s, load the engine's own figure in percent of the torque
+available at its speed, through a lag, n engine speed, n_0 the one that it had before it was loaded, s share. An engine
+that lugs a little gains torque and carries on; one that keeps losing speed stalls, and the feed-forward of the engine
+speed would answer with more stroke, which takes more torque still: the setpoint gives way before that. Where no load
+is measured nothing is done here. Source: the anti-stall (load limiting) control of hydrostatic drives.
+"""
+
+import math
+
+import msgspec
+
+from cruise.settings import Positive
+
+
+class PowerSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """When the setpoint gives way, and how fast."""
+
+    high_pct: Positive = 99.0  # %, of the torque that the engine has
+    low_pct: Positive = 95.0
+    sag_share: Positive = 0.92  # of the engine speed before the load came: torque rises by as much on the way there
+    down_mps2: Positive = 0.4  # m/s2, below what the reference may do
+    up_mps2: Positive = 0.05  # m/s2, slowly back: the load rises with the speed
+    lag_s: Positive = 0.3  # s, a gust of crop is no overload
+
+
+class PowerGuard:
+    """`cap_mps` is the highest setpoint, infinite where the engine has power left; the rest is the load as seen."""
+
+    def __init__(self, settings: PowerSettings, frame_s: float) -> None:
+        self.settings = settings
+        self.frame_s = frame_s
+        self.share = 1.0 - math.exp(-frame_s / settings.lag_s)
+        self.load_pct = math.nan
+        self.unloaded_rpm = math.nan
+        self.cap_mps = math.inf
+
+    def step(self, load_pct: float, engine_rpm: float, speed_mps: float, setpoint_mps: float) -> float:
+        """The setpoint that the engine can bear, one frame later."""
+        settings = self.settings
+        if math.isfinite(load_pct):
+            before = self.load_pct if math.isfinite(self.load_pct) else load_pct
+            self.load_pct = before + self.share * (load_pct - before)
+        else:
+            self.load_pct = math.nan
+        if load_pct < settings.low_pct:
+            self.unloaded_rpm = engine_rpm
+        if self.load_pct > settings.high_pct and engine_rpm < settings.sag_share * self.unloaded_rpm:
+            self.cap_mps = max(min(self.cap_mps, speed_mps) - settings.down_mps2 * self.frame_s, 0.0)
+        elif not self.load_pct >= settings.low_pct:
+            self.cap_mps += settings.up_mps2 * self.frame_s
+        if self.cap_mps >= setpoint_mps:
+            self.cap_mps = math.inf
+        return min(setpoint_mps, self.cap_mps)

@@ -1,0 +1,62 @@
+"""The inverse of the command effects: exact without hysteresis, continuous with it, robust to a width that is wrong."""
+
+import numpy as np
+import pytest
+
+from cruise.control.inversion import InversionSettings, current_for
+from cruise.effects.dead_zone import DeadZone
+from cruise.effects.hysteresis import Hysteresis
+from cruise.effects.quadratic_gain import QuadraticGain
+from cruise.model.model import Model
+
+EFFECTS = (Hysteresis(40.0), DeadZone(400.0), QuadraticGain(0.5))
+MODEL = Model(0.05, 1, 1, 0, EFFECTS, (0.4, 1e-3, 0.0))
+PLAIN = Model(0.05, 1, 1, 0, EFFECTS[1:], (0.4, 1e-3, 0.0))
+SETTINGS = InversionSettings(hysteresis_share=1.0, turn_ma=5.0)
+
+
+def settled(model, currents):
+    state = model.start(1.0, currents[0], {})
+    for current in currents:
+        state = model.apply(state, current, {})
+    return state
+
+
+def test_without_hysteresis_it_is_the_models_own():
+    state = settled(PLAIN, [700.0])
+    for drive in (50.0, 300.0, 500.0):
+        assert current_for(PLAIN, drive, state, {}, SETTINGS) == PLAIN.current_for(drive, state, {})
+
+
+def test_a_wish_far_off_is_met_exactly_and_through_the_right_edge():
+    state = settled(MODEL, [500.0, 700.0])
+    for drive in (100.0, 500.0):
+        current = current_for(MODEL, drive, state, {}, SETTINGS).nearest(0.0)
+        assert MODEL.drive_for(current, state, {}) == pytest.approx(drive)
+
+
+def test_the_current_has_no_jump_where_the_wish_turns():
+    state = settled(MODEL, [500.0, 700.0])
+    stands = MODEL.drive_for(700.0, state, {})
+    wishes = np.linspace(stands - 30.0, stands + 30.0, 601)
+    currents = np.array([current_for(MODEL, wish, state, {}, SETTINGS).nearest(0.0) for wish in wishes])
+    assert np.diff(currents).min() > 0.0
+    assert np.diff(currents).max() < 0.1 * (1.0 + 20.0 / 5.0) * 1.05
+    assert np.ptp(currents) > 60.0 / 1.4 + 30.0
+
+
+@pytest.mark.parametrize("true_width", [0.0, 20.0, 40.0, 60.0])
+def test_repeating_it_ends_near_the_wish_without_going_to_and_fro(true_width):
+    """A machine whose band is another one: the current settles, and by less than its band away."""
+    settings = InversionSettings()
+    machine = Hysteresis(true_width)
+    acts, state, sent = 700.0, settled(MODEL, [500.0, 700.0]), []
+    for _ in range(60):
+        current = current_for(MODEL, 250.0, state, {}, settings).nearest(0.0)
+        sent.append((sent[-1] if sent else 700.0) + 0.3 * (current - (sent[-1] if sent else 700.0)))
+        state = MODEL.apply(state, sent[-1], {})
+        acts, _ = machine.step(sent[-1], 0.0, {}, acts, 0.05)
+    assert np.ptp(sent[-20:]) < 0.01
+    assert (np.diff(sent) <= 1e-9).all()
+    wish = PLAIN.current_for(250.0, settled(PLAIN, [700.0]), {}).low
+    assert abs(acts - wish) < 0.5 * max(true_width, 40.0)

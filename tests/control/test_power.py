@@ -1,0 +1,57 @@
+"""The guard gives way to an overloaded engine, comes back slowly, and does nothing without a measured load."""
+
+import math
+
+import pytest
+
+from cruise.control.power import PowerGuard, PowerSettings
+
+FRAME_S = 0.05
+
+
+def run(guard: PowerGuard, load_pct: float, seconds: float, engine_rpm: float | None = None) -> float:
+    found = math.nan
+    rpm = engine_rpm or (1700.0 if load_pct > 96.0 else 2100.0)
+    for _ in range(round(seconds / FRAME_S)):
+        found = guard.step(load_pct, rpm, 1.5, 1.6)
+    return found
+
+
+def test_with_power_left_or_no_measurement_the_setpoint_stays():
+    for load_pct in (50.0, 96.0, math.nan):
+        assert run(PowerGuard(PowerSettings(), FRAME_S), load_pct, 5.0) == 1.6
+
+
+def test_an_overload_takes_the_setpoint_below_the_speed_at_its_rate():
+    guard = PowerGuard(PowerSettings(), FRAME_S)
+    run(guard, 80.0, 2.0)
+    run(guard, 105.0, 1.0)
+    before = guard.cap_mps
+    assert before < 1.5
+    assert before - run(guard, 105.0, 1.0) == pytest.approx(0.4)
+
+
+def test_it_comes_back_slowly_and_ends():
+    guard = PowerGuard(PowerSettings(), FRAME_S)
+    run(guard, 80.0, 2.0)
+    run(guard, 105.0, 2.0)
+    low = guard.cap_mps
+    assert run(guard, 97.0, 3.0) <= low  # neither over nor under: it holds, but for the lag of the load
+    held = guard.cap_mps
+    assert run(guard, 50.0, 2.0) == pytest.approx(held + 0.1, abs=0.01)
+    assert run(guard, 50.0, 30.0) == 1.6
+    assert guard.cap_mps == math.inf
+
+
+def test_a_lost_load_does_not_hold_the_machine_back_forever():
+    guard = PowerGuard(PowerSettings(), FRAME_S)
+    run(guard, 80.0, 2.0)
+    run(guard, 105.0, 2.0)
+    assert run(guard, math.nan, 60.0) == 1.6
+
+
+def test_an_engine_that_lugs_a_little_carries_on():
+    guard = PowerGuard(PowerSettings(), FRAME_S)
+    run(guard, 80.0, 2.0)
+    assert run(guard, 105.0, 10.0, 2000.0) == 1.6
+    assert run(guard, 105.0, 3.0, 1800.0) < 1.5

@@ -1,0 +1,31 @@
+"""The trend follows a ramp of gain and load, forgets jumps, and knows nothing at the start."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cruise.control.trend import Trend
+
+
+def test_a_ramp_is_seen_with_its_slope():
+    trend = Trend(0.5, 0.05)
+    for k in range(200):
+        trend.step(math.exp(-0.06 * 0.05 * k), 0.02 * 0.05 * k)
+    assert trend.rate_mps2(1.5) == pytest.approx(-0.06 * 1.5 + 0.02, rel=0.06)
+
+
+def test_steady_signals_have_no_trend_and_a_gear_is_none():
+    trend = Trend(0.5, 0.05)
+    for gain in [1.0] * 50 + [1.7] * 5:
+        trend.step(gain, 0.1)
+    assert trend.rate_mps2(1.5) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_neutral_and_the_first_sample_are_no_trend():
+    trend = Trend(0.5, 0.05)
+    assert trend.rate_mps2(1.0) == 0.0
+    for gain in (1.0, 0.0, 0.0, 1.0, 1.0):
+        trend.step(gain, 0.0)
+        assert np.isfinite(trend.rate_mps2(1.0))
+    assert trend.rate_mps2(1.0) == 0.0

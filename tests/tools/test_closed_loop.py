@@ -1,0 +1,144 @@
+"""The closed-loop trials: courses are rows, figures follow their definitions, the baseline is the textbook's."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cruise.control.controller import ControlSettings
+from cruise.effects.gear_ratio import GearRatio
+from cruise.model.model import Model
+from cruise.plant import PlantSettings
+from cruise.signals import Sample
+from tools.benchmarks import control_step
+from tools.closed_loop import courses, machines, scores
+from tools.closed_loop.courses import Begin, Course, SetpointRow
+from tools.closed_loop.drive import Driven, drive, rms
+from tools.closed_loop.drivers import DRIVERS, PLAIN, Models
+from tools.closed_loop.pid import Pid
+from tools.closed_loop.trial import Hold, Run
+
+MODEL = Model(0.2, 1, 2, 2, (GearRatio(1.4, 2.5, 4.4, 7.5),), (0.4, 1e-3, 8e-4, 0.0))
+PLANT = PlantSettings()
+
+
+def driven(speeds, setpoints, references=None) -> Driven:
+    count = len(speeds)
+    time_s = 0.05 * np.arange(1, count + 1)
+    references = setpoints if references is None else references
+    columns = (time_s, setpoints, references, speeds, np.full(count, 800.0), np.full(count, 2100.0))
+    return Driven(*(np.asarray(column, float) for column in columns))
+
+
+def test_the_courses_are_those_that_are_asked_for():
+    found = {course.name: course for course in courses.load()}
+    assert {"steps", "hill up", "hill down", "soft soil", "bin", "rpm", "warm-up", "crop", "hysteresis"} <= set(found)
+    assert {course.begin.gear for course in found.values()} == {1, 2, 3, 4}
+    rpm = found["rpm"]
+    assert rpm.inputs(0.0, 22.5).engine_speed_setpoint_rpm == pytest.approx(1800.0)
+    assert found["hill down"].inputs(0.0, 30.0).grade_deg == -5.0
+    assert found["hysteresis"].machine(PLANT).effects.hysteresis == 1.4
+    assert found["hysteresis"].machine(PLANT).effects.grade == 1.0
+
+
+def test_overshoot_and_lateness_of_a_step():
+    setpoint = np.where(np.arange(600) < 200, 1.0, 1.4)
+    reference = np.interp(np.arange(600), [200, 260], [1.0, 1.4])
+    speed = np.interp(np.arange(600), [200, 270], [1.0, 1.43])
+    speed = np.where(np.arange(600) > 300, 1.4, speed)
+    (step,) = scores.steps(driven(speed, setpoint, reference))
+    assert step.overshoot == pytest.approx(0.03 / 0.02, rel=1e-6)
+    at_reference = np.flatnonzero(np.abs(reference[200:] - 1.4) > 0.03)[-1]
+    at_speed = np.flatnonzero(np.abs(speed[200:] - 1.4) > 0.03)[-1]
+    assert step.late_s == pytest.approx(0.05 * (at_speed - at_reference))
+
+
+def test_errors_leave_out_the_engagement_and_what_follows_a_change():
+    speed = np.full(800, 1.1)
+    speed[:160] = 9.0
+    setpoint = np.where(np.arange(800) < 400, 1.0, 1.1)
+    one = driven(speed, setpoint)
+    assert rms([scores.to_setpoint(replace(one, speed_mps=speed + (np.arange(800) >= 400) * 1.0))]) > 0.3
+    assert len(scores.to_setpoint(one)) == 800 - 160 - 161
+    assert scores.to_reference(one).max() == pytest.approx(0.1)
+
+
+def test_the_share_within_a_limit():
+    assert scores.within([np.array([0.5, -0.5, 2.0]), np.array([-3.0])], 1.0) == 0.5
+
+
+def test_the_pid_is_simc_on_the_models_core():
+    """Delay 0.4 s and more, all of the rest in one small time constant: nearly an integrator of 1 / (2 theta)."""
+    pid = Pid(MODEL, ControlSettings())
+    signals = {"gear": 2.0}
+    for k in range(40):
+        pid.step(Sample(0.05 * k, 500.0, 1.5, signals), None)
+    first = pid.step(Sample(2.0, 500.0, 1.5, signals), 1.5)
+    assert first == pytest.approx(500.0, abs=0.5)
+    begun = pid.integral_mps
+    for k in range(20):
+        pid.step(Sample(2.05 + 0.05 * k, 500.0, 1.4, signals), 1.5)
+    theta = pid.core.delay_s
+    tau = max(pid.core.time_constant_s, pid.core.lag_s)
+    expected = tau / (2.0 * theta) / min(tau, 8.0 * theta) * 0.1 * 1.0
+    assert pid.integral_mps - begun == pytest.approx(expected, rel=0.08)
+
+
+def test_without_feed_forward_a_driver_sees_gear_and_drive_only():
+    given = Models(MODEL, MODEL, MODEL)
+    assert set(PLAIN) == {
+        "engine_speed_rpm",
+        "pitch_deg",
+        "machine_mass_kg",
+        "oil_temperature_c",
+        "engine_load_pct",
+        "line_pressure_bar",
+    }
+    for name in ("pid", "plain"):
+        currents = []
+        for rpm in (2100.0, 1500.0):
+            driver = DRIVERS[name].make(given, ControlSettings())
+            sample = Sample(0.0, 500.0, 1.5, {"gear": 2.0, "engine_speed_rpm": rpm})
+            driver.step(sample, None)
+            currents.append(driver.step(sample, 1.6))
+        assert currents[0] == currents[1]
+
+
+def test_a_drive_is_the_same_again_and_the_reference_waits_for_the_dead_time():
+    course = Course(name="short", seconds=3.0, setpoints=(SetpointRow(at_s=1.0, to=1.5),), begin=Begin())
+    one, other = (drive(course, PLANT, Hold(790.0), 3) for _ in range(2))
+    np.testing.assert_array_equal(one.speed_mps, other.speed_mps)
+    still = drive(Course(name="still", seconds=3.0), PLANT, Hold(790.0), 3)
+    first_s = one.time_s[np.flatnonzero(one.reference_mps != still.reference_mps)[0]]
+    assert first_s == pytest.approx(1.0 + PLANT.pump.transport_delay_s, abs=0.06)
+
+
+def test_a_run_has_its_figures_beside_their_targets():
+    course = Course(name="short", seconds=25.0, setpoints=(SetpointRow(at_s=10.0, to=1.3),), judged=("steps",))
+    run = Run("factory", PLANT, 1, (course,), Models(MODEL, MODEL, MODEL), ControlSettings())
+    one = driven(np.full(500, 1.02), np.where(np.arange(500) < 200, 1.0, 1.3))
+    two = driven(np.full(500, 1.01), np.where(np.arange(500) < 200, 1.0, 1.3))
+    run.drives = {"pid": {"short": one}, "learned": {"short": two}}
+    run.gains = {0.1: 200.0, 0.2: 250.0, 0.3: 250.0, 1.5: 20.0, 2.0: 10.0, 3.0: 5.0, 4.0: 1.0, 5.0: 1.0}
+    found = {figure.key: figure for figure in run.figures()}
+    assert found["ripple_db"].value == pytest.approx(20.0 * math.log10(12.5))
+    assert found["reference_over_pid"].at_most == 0.45
+    assert found["reference_over_pid"].value == pytest.approx(
+        rms([scores.to_reference(two)]) / rms([scores.to_reference(one)])
+    )
+    assert found["overshoot"].value < 0.0
+    assert "over_bound" not in found
+
+
+def test_every_machine_can_be_made():
+    for name in machines.MACHINES:
+        machine = machines.machine(name, PLANT)
+        assert (machine == PLANT) == (name == "factory")
+
+
+def test_the_step_is_timed_and_its_memory_watched():
+    part = control_step.measure(seconds=20.0, frames=50, hours=0.005)
+    found = {figure.key: figure.value for figure in part.figures}
+    assert 0.0 < found["step_p50_us"] <= found["step_p99_us"] <= found["step_max_us"]
+    assert abs(found["growth_kib"]) < control_step.GROWTH_KIB

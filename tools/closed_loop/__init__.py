@@ -1,0 +1,1 @@
+"""The closed loop on the virtual combine: courses, drivers, figures."""

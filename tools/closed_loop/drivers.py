@@ -1,0 +1,84 @@
+"""Who drives: the baseline, the predictive controller with one model or another, and what none can beat.
+
+Without measured feed-forward a driver sees gear and drive only: every other signal stands still at a plain value. The
+PID is one of those, and so is the predictive controller of the second column.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Final
+
+import msgspec
+
+from cruise.control.controller import Controller, ControlSettings
+from cruise.model.model import Model
+from cruise.signals import Sample
+
+from .drive import Driver
+from .pid import Pid
+
+PLAIN: Final[Mapping[str, float]] = {
+    "engine_speed_rpm": 2100.0,
+    "pitch_deg": 0.0,
+    "machine_mass_kg": 16000.0,
+    "oil_temperature_c": 50.0,
+    "engine_load_pct": 20.0,
+    "line_pressure_bar": 50.0,
+}
+EXACT_MPS: Final = 0.001  # m/s, noise of a speed that has none
+
+
+@dataclass(frozen=True)
+class Models:
+    """The three models of one machine."""
+
+    factory: Model
+    learned: Model
+    exact: Model  # from data without noise and delay
+
+
+@dataclass(frozen=True)
+class Kind:
+    """One column of the tables."""
+
+    title: str
+    make: Callable[[Models, ControlSettings], Driver]
+    noisy: bool = True  # sensors
+
+
+class Predictive:
+    """The project's controller as a driver; `plain` are signals that it is not shown."""
+
+    def __init__(self, model: Model, settings: ControlSettings, plain: Mapping[str, float] | None = None) -> None:
+        self.controller = Controller(model, settings)
+        self.plain = plain or {}
+
+    def step(self, sample: Sample, setpoint_mps: float | None) -> float:
+        """One frame."""
+        return self.controller.step(_blind(sample, self.plain), setpoint_mps).current_ma
+
+
+class BlindPid(Pid):
+    """The PID, to which nothing is fed forward but reference and gear."""
+
+    def step(self, sample: Sample, setpoint_mps: float | None) -> float:
+        """One frame."""
+        return super().step(_blind(sample, PLAIN), setpoint_mps)
+
+
+def _blind(sample: Sample, plain: Mapping[str, float]) -> Sample:
+    return replace(sample, signals={**sample.signals, **plain}) if plain else sample
+
+
+def _exact(models: Models, settings: ControlSettings) -> Driver:
+    observer = msgspec.structs.replace(settings.observer, speed_noise_mps=EXACT_MPS)
+    return Predictive(models.exact, msgspec.structs.replace(settings, observer=observer))
+
+
+DRIVERS: Final[dict[str, Kind]] = {
+    "pid": Kind("PID (SIMC)", lambda models, settings: BlindPid(models.learned, settings)),
+    "factory": Kind("factory model", lambda models, settings: Predictive(models.factory, settings)),
+    "plain": Kind("learned, no feed-forward", lambda models, settings: Predictive(models.learned, settings, PLAIN)),
+    "learned": Kind("learned", lambda models, settings: Predictive(models.learned, settings)),
+    "bound": Kind("bound", _exact, noisy=False),
+}

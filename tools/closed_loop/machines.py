@@ -1,0 +1,136 @@
+"""The machines that are driven, and the drive on which one of them is learned.
+
+`factory` is the machine from which the factory's model was made. `other` is the next one off the line, worn: it is what
+the figures are claimed on. Nothing of the controller was chosen on it; the drivers were developed on `factory`.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from msgspec import structs
+
+from cruise.control.controller import SLOPE_S
+from cruise.effects.gear_ratio import GearRatio
+from cruise.effects.grade import Grade
+from cruise.identification.structures import parse
+from cruise.model.model import Model
+from cruise.plant import Combine, Inputs, PlantSettings, SensorReading
+from cruise.recording import Recording
+from cruise.sampling import SamplingSettings, StreamSampler
+from cruise.signals import CONTEXT, INPUT, OUTPUT
+from cruise.validation.search import Search
+from cruise.validation.study import discrete, study
+
+from .courses import laid_over
+
+PERIOD_S: Final = 0.2  # s, at which a model is learned
+FINE_S: Final = 0.05
+SECOND_MPS: Final = 2.5  # m/s, top speed in second gear
+SLOPE: Final = frozenset({"grade.filter_s"})  # seen as the controller sees it
+LONGEST_DELAY_S: Final = 1.1
+LESSON_S: Final = 900.0  # s of driving by hand that teaches the model
+HAND_MA_PER_S: Final = 300.0  # mA/s, of a lever that is moved by hand
+GEAR_MA, GEAR_S = 790.0, 20.0  # mA and s, one run in each gear
+STRUCTURE: Final = "arx:na=1,nb=4,delay_s=0.4+dead_zone+quadratic_gain+engine_speed+grade+hysteresis+oil_temperature"
+MACHINES: Final[dict[str, dict]] = {
+    "factory": {},
+    "other": {
+        "pump": {
+            "displacement_cm3": 97.0,
+            "threshold_ma": 392.0,
+            "full_stroke_ma": 1120.0,
+            "transport_delay_s": 0.35,
+            "servo_lag_s": 0.15,
+            "load_sensitivity_per_bar": 0.0009,
+        },
+        "hysteresis": {"half_width_ma": 14.0, "shape": 0.8},
+        "line": {"leakage_lpm_per_100bar": 5.0},
+        "engine": {"droop_share": 0.04},
+        "vehicle": {"mass_kg": 16500.0},
+    },
+}
+
+
+@dataclass(frozen=True)
+class Sensors:
+    """What a driver can see: the machine's sensors, or for the bound none of their faults."""
+
+    noisy: bool = True
+
+    def of(self, plant: PlantSettings) -> PlantSettings:
+        """The machine with these sensors."""
+        if self.noisy:
+            return plant
+        off = structs.replace(
+            plant.effects, sensor_noise=0.0, sensor_resolution=0.0, sensor_delay=0.0, sampling_jitter=0.0
+        )
+        return structs.replace(plant, effects=off)
+
+
+def machine(name: str, plant: PlantSettings) -> PlantSettings:
+    """One of the machines."""
+    return laid_over(plant, MACHINES[name])
+
+
+def lesson(plant: PlantSettings, seed: int, seconds: float = LESSON_S) -> Recording:
+    """A drive by hand in second gear over everything that the model has an effect for, at the model's period.
+
+    Random steps of the current as in a commissioning drive; slopes, throttle, bin and oil change in between.
+    """
+    rng = np.random.default_rng(seed)
+    combine = Combine(structs.replace(plant, oil=structs.replace(plant.oil, start_temperature_c=15.0)), seed)
+    names = (INPUT, OUTPUT, *CONTEXT)
+    sampler, rows = StreamSampler(SamplingSettings(), names), []
+    current_ma, to_ma, until_s, grade_deg, rpm, to_deg, to_rpm = 0.0, 0.0, 0.0, 0.0, 2100.0, 0.0, 2100.0
+    for k in range(1, round(seconds / FINE_S) + 1):
+        now_s = k * FINE_S
+        if now_s >= until_s:
+            to_ma, until_s = float(rng.uniform(520.0, 1000.0)), now_s + float(rng.choice([1.0, 2.0, 4.0, 8.0]))
+            to_deg, to_rpm = float(rng.uniform(-6.0, 6.0)), float(rng.uniform(1500.0, 2100.0))
+        current_ma += float(np.clip(to_ma - current_ma, -HAND_MA_PER_S * FINE_S, HAND_MA_PER_S * FINE_S))
+        grade_deg += float(np.clip(to_deg - grade_deg, -2.0 * FINE_S, 2.0 * FINE_S))
+        rpm += float(np.clip(to_rpm - rpm, -150.0 * FINE_S, 150.0 * FINE_S))
+        grain_kgps = 20.0 if now_s % 400.0 < 300.0 else -70.0
+        inputs = Inputs(current_ma, rpm, 2, grade_deg, 0.05, 0.0, grain_kgps)
+        for reading in combine.advance(inputs, now_s):
+            assert isinstance(reading, SensorReading)
+            if reading.name != OUTPUT or reading.sensor == "drive_feedback":
+                sampler.push(reading.name, reading.time_s, reading.value)
+        if k % round(PERIOD_S / FINE_S) == 0:
+            rows.append(sampler.sample(now_s, PERIOD_S))
+    columns = {name: np.array([row[name] for row in rows]) for name in names}
+    return Recording(PERIOD_S * np.arange(1, len(rows) + 1), columns, PERIOD_S, f"lesson, seed {seed}")
+
+
+def gears(plant: PlantSettings, seed: int) -> GearRatio:
+    """The gears as one steady run in each shows them, relative to second."""
+    speeds_mps = []
+    for gear in (1, 2, 3, 4):
+        combine = Combine(plant, seed)
+        inputs = Inputs(GEAR_MA, gear=gear, rolling_resistance=0.05)
+        combine.advance(inputs, GEAR_S - 5.0)
+        shown = [one.value for one in combine.advance(inputs, GEAR_S) if one.name == OUTPUT]
+        speeds_mps.append(float(np.mean(shown)))
+    tops = [SECOND_MPS * speed / speeds_mps[1] for speed in speeds_mps]
+    return GearRatio(*tops)
+
+
+def learned(recording: Recording, gear_ratio: GearRatio, structure: str = STRUCTURE) -> Model:
+    """The model that a recording in second gear teaches, with the gears.
+
+    Fitted twice: that the pitch sensor takes acceleration for slope in full is known of an inclinometer, and no drive
+    over quick hills tells it; the second time the slope is seen through the lag through which the controller sees it.
+    """
+    begun = study([recording], parse(structure), None, PERIOD_S, at_their_rate=False)
+    explanation = begun.base.explanation
+    effects = tuple(
+        replace(one, acceleration_share=1.0, filter_s=SLOPE_S) if isinstance(one, Grade) else one
+        for one in explanation.effects
+    )
+    if effects != explanation.effects:
+        search = Search(begun.search.scene, LONGEST_DELAY_S, begun.search.gain_scale, begun.search.fixed | SLOPE)
+        found = search.fitted(replace(explanation, effects=effects))
+        begun = replace(begun, search=search, base=search.judged("", found))
+    model = discrete(begun, begun.base)
+    return replace(model, effects=(*model.effects, gear_ratio))

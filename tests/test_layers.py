@@ -20,6 +20,7 @@ ROWS = (
     "identification",
     "estimation",
     "validation",
+    "report",
     "control",
     "plant",
     "can",
@@ -28,13 +29,13 @@ ROWS = (
     "workbench",
     "cli",
 )
-DRIVE, LEARN = ("estimation", "control", "can"), ("identification", "validation")
+DRIVE, LEARN = ("estimation", "control", "can"), ("identification", "validation", "report")
 APART = {*product(DRIVE, LEARN), *product(LEARN, DRIVE)}  # the wings meet in service, workbench and cli
 PLANT_MAY_IMPORT = {"signals", "plant"}  # independent physics, or a test on it proves nothing
 BUS_LIBRARIES = {"can", "cantools", "canopen", "e2e"}
 BUS_ROWS = {"can"}
 CLOCKS = {"time", "datetime", "asyncio", "threading", "sched"}
-CLOCK_ROWS = {"can", "service", "cli"}  # cli for the date in a model file
+CLOCK_ROWS = {"can", "service", "workbench", "cli"}  # the last two for the date in a model file
 FILE_ROWS = {"settings", "recording", "can", "service", "workbench", "cli"}
 FILE_CALLS = {"open", "read_text", "read_bytes", "write_text", "write_bytes", "loadtxt", "genfromtxt", "savetxt"}
 

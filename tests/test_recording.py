@@ -276,6 +276,28 @@ def test_separators_blank_lines_and_spaces_do_not_matter(tmp_path, separator):
     assert len(read_csv(file_of(tmp_path, "\r\n".join(lines).replace(",", separator)), PLAIN)) == 20
 
 
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+def test_a_file_of_plain_numbers_reads_as_one_that_is_quoted(tmp_path, separator):
+    """The two ways through the reader agree to the last bit, with empty cells anywhere."""
+    random = np.random.default_rng(6)
+    cells = [[f"{value!r}" for value in row] for row in random.normal(scale=1e3, size=(40, 4)).tolist()]
+    for k, row in enumerate(cells):
+        row[0] = f"{0.1 * k:.1f}"
+    for row, column in ((3, 1), (3, 2), (4, 3), (7, 1), (7, 2), (7, 3), (12, 0), (13, 2)):
+        cells[row][column] = ""
+    cells[20][3], cells[21][3], cells[22][3] = "nan", "inf", " 1e400"
+    names = ["time_s", INPUT, OUTPUT, "x"]
+    plain, quoted = tmp_path / "plain.csv", tmp_path / "quoted.csv"
+    plain.write_text("\n".join(separator.join(row) for row in [names, *cells]) + "\n")
+    quoted.write_text("\r\n".join(separator.join(f'"{cell}"' for cell in row) for row in [names, *cells]))
+    one, other = read_csv(plain, PLAIN), read_csv(quoted, PLAIN)
+    assert one.notes == other.notes
+    assert len(one.notes) == 4
+    np.testing.assert_array_equal(one.time_s, other.time_s)
+    for name in other.columns:
+        np.testing.assert_array_equal(one.columns[name], other.columns[name])
+
+
 def test_a_gap_stays_a_gap(tmp_path):
     rows = ramp(60)
     read = read_csv(csv_of(tmp_path, rows[:20] + rows[51:]), PLAIN)

@@ -30,22 +30,21 @@ from cruise.cli.reading import (
     columns_of,
     count_of,
     destination,
-    model_named,
-    notes_of,
     prepared_by,
     tables,
 )
 from cruise.effects import EFFECTS, Custom
 from cruise.effects.expression import ExpressionError
-from cruise.identification.structures import Structure
+from cruise.identification.named import model_named
 from cruise.model import files
-from cruise.model.files import ModelFile, Provenance, Step
-from cruise.model.history import fields_of, history_of
+from cruise.model.history import history_of
+from cruise.recording import notes_of
+from cruise.report.model_file import model_file
 from cruise.settings import SettingsError
 from cruise.validation import ladder
 from cruise.validation.ladder import NO_SIGN, Added, Parameter
 from cruise.validation.noise_floor import NoiseFloor
-from cruise.validation.study import Study, discrete
+from cruise.validation.study import Study
 
 LITTLE = 0.02  # of the error: less is nothing that anyone would notice
 
@@ -80,7 +79,8 @@ def add(
         status.update("looking for the noise floor")
         floor = ladder.floor(study, read, added)
     if out is not None:
-        settings.save(out, model_file(model, structure, file, earlier, study, added, floor))
+        made_on = datetime.now(UTC).date().isoformat()
+        settings.save(out, model_file(model, structure, file, earlier, study, added, floor, made_on))
     fitted = ladder.parameters(study, added)
     if as_json:
         said = report(model, study, added, floor, fitted) | {"model_file": str(out) if out else None}
@@ -97,61 +97,6 @@ def writable(option: str, path: Path) -> None:
             pass
     except OSError as error:
         raise SettingsError(f"{option} {path}: can't be written: {error.strerror}") from error
-
-
-def model_file(
-    model: str,
-    structure: Structure,
-    file: ModelFile | None,
-    earlier: tuple[Step, ...],
-    study: Study,
-    added: Added,
-    floor: NoiseFloor,
-) -> ModelFile:
-    """The better model with its history; one that began as a structure has the fitted structure as its first step."""
-    today = datetime.now(UTC).date().isoformat()
-    names = tuple(f"{one.source}, {one.time_s[0]:g} to {one.time_s[-1]:g} s" for one in study.recordings)
-    samples = sum(len(one) for one in study.recordings)
-
-    def provenance(made_by: str, error_mps: float) -> Provenance:
-        return Provenance(
-            recordings=names,
-            samples=samples,
-            made_by=made_by,
-            made_on=today,
-            error_ahead_mps=error_mps,
-            horizon_s=study.horizon_s,
-            note=f"physical core, fitted to speeds simulated from {study.horizon_s:g} s ahead on",
-        )
-
-    def step(**own: Any) -> Step:
-        return Step(
-            horizon_s=study.horizon_s,
-            floor_at_least_mps=float(floor.white.value_mps) if floor.white else None,
-            floor_at_most_mps=float(floor.reached.value_mps) if floor.reached else None,
-            recordings=names,
-            samples=samples,
-            made_on=today,
-            **own,
-        )
-
-    history = earlier
-    if file is not None:
-        before = fields_of(file)
-    else:
-        made = provenance(f"cruise add {added.effect} --model {model}, before it", added.error_before_mps)
-        begun = discrete(study, study.base)
-        before = fields_of(files.file_of(model, begun, made, core=ladder.physical(study.base.explanation)))
-        history = (step(structure=structure.name or str(structure), error_after_mps=added.error_before_mps),)
-    last = step(
-        effect=added.effect,
-        error_before_mps=added.error_before_mps,
-        error_after_mps=added.error_after_mps,
-        before=before,
-    )
-    made = provenance(f"cruise add {added.effect} --model {model}", added.error_after_mps)
-    core = ladder.physical(added.after.explanation)
-    return files.file_of(model, added.model, made, core=core, history=(*history, last))
 
 
 def report(model: str, study: Study, added: Added, floor: NoiseFloor, fitted: list[Parameter]) -> dict[str, Any]:

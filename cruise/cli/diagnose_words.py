@@ -1,7 +1,6 @@
-"""A diagnosis in words: the verdict, the physics, the numbers, what else it could be, and what to do next."""
+"""A diagnosis as it is printed: the verdict, the physics, the numbers, what else it could be, and what to do next."""
 
 import math
-import re
 import textwrap
 from collections.abc import Sequence
 from typing import Final
@@ -11,24 +10,24 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from cruise.cli import diagnose_evidence as evidence
 from cruise.cli.add import floor_in_words
-from cruise.cli.diagnose_curve import curve
-from cruise.cli.diagnose_evidence import SURE, Number
-from cruise.cli.effects import headline
-from cruise.cli.reading import NOTES_SHOWN, count_of, notes_of
+from cruise.cli.reading import NOTES_SHOWN, count_of
 from cruise.effects import EFFECTS
-from cruise.validation.diagnose import ENOUGH, LEAST_GAIN, SEED, UNNAMED, Diagnosis, Tried, Verdict
+from cruise.recording import notes_of
+from cruise.report import evidence
+from cruise.report.curve import curve
+from cruise.report.diagnosis import confidence, experiments, figure, hidden, look_alikes, sentence, span
+from cruise.report.effect import physics, what
+from cruise.report.evidence import SURE, Number
+from cruise.validation.diagnose import ENOUGH, SEED, UNNAMED, Diagnosis, Verdict
 from cruise.validation.noise_floor import NoiseFloor
-from cruise.validation.search import Judged, sureness
+from cruise.validation.search import Judged
 
 WIDTH: Final = 80
 LINES: Final = 8  # of the ranking; --json has them all
 RECORDINGS_SHOWN: Final = 4  # in a command; more are left to the user
 CURVE_SHOWN: Final = 5  # points of a curve
 NAME_WIDTH: Final = 18  # of the longest name of an effect
-SENTENCES: Final = 2  # of the physics; `cruise effects NAME` has them all
-SPLIT: Final = re.compile(r"(?<=[a-z)][.]) +(?=[A-Z])")
 
 
 def say(
@@ -54,138 +53,24 @@ def say(
     _steps(console, found)
     _ranking(console, found)
     _list(console, "look-alikes", look_alikes(found))
-    _list(console, "next experiment", _experiments(found))
+    _list(console, "next experiment", experiments(found))
     _list(console, "what these recordings can't speak of", [_refusal(one.effect, one.reason) for one in found.refused])
     _list(console, "to go on", _commands(found, model, recordings, options))
     console.print(f"\npicture: {picture}", markup=False, soft_wrap=True)
 
 
-def sentence(found: Diagnosis) -> str:
-    """The verdict in one plain sentence."""
-    horizon = f"{found.study.horizon_s:g} s ahead"
-    before = _error(found, found.base)
-    sure = f"(confidence {confidence(found.confidence)})"
-    match found.verdict:
-        case Verdict.MISSING:
-            names, one = _all(found.effects), len(found.effects) == 1
-            after = _error(found, evidence.known(found))
-            return (
-                f"{names} {'is' if one else 'are'} missing: with {'it' if one else 'them'} the error {horizon} falls "
-                f"from {before} to {after} m/s on data that the fit has not seen {sure}."
-            )
-        case Verdict.NOTHING:
-            share = hidden_share(found)
-            return (
-                f"Nothing is missing: no effect that these recordings can speak of lowers the error {horizon}, "
-                f"{before} m/s, by as much as {100 * (1 - math.sqrt(1 - share)):.0f} % {sure}."
-            )
-        case Verdict.UNLISTED:
-            best = evidence.best_named(found)
-            rival = f"; the best effect, `{best.name}`, leaves {_error(found, best.judged)}" if best else ""
-            return (
-                f"Something is missing that is none of the effects that cruise knows: a free curve of "
-                f"{_all(found.signals)} lowers the error {horizon} from {before} to "
-                f"{_error(found, found.final)} m/s on data that the fit has not seen{rival} {sure}."
-            )
-    trials = [evidence.first_tried(found, name) for name in found.effects]
-    after = " or ".join(_error(found, one.judged) for one in trials if one is not None)
-    return (
-        f"{_all(found.effects, 'or')} is missing, and these recordings can't tell which: the error {horizon} falls "
-        f"from {before} to {after} m/s on data that the fit has not seen {sure}."
-    )
-
-
-def confidence(value: float) -> str:
-    """Two digits, and never 1 or 0."""
-    if value > 0.99:
-        return "> 0.99"
-    return "< 0.01" if value < 0.01 else f"{value:.2f}"
-
-
-def hidden_share(found: Diagnosis) -> float:
-    """The share of the squared error that an effect could explain without being named."""
-    best = found.steps[0].tried[0].gain if found.steps[0].tried else 0.0
-    return max(LEAST_GAIN, min(best, 1.0))
-
-
-def look_alikes(found: Diagnosis) -> list[str]:
-    """What could be taken for the verdict, and why it lost or can't be told apart."""
-    if not found.effects:
-        return []
-    told = []
-    for name in found.effects:
-        apart = next((alike[1:] for alike in found.look_alikes if alike[0] == name), ())
-        mine = _step_of(found, name)
-        others = dict.fromkeys((*apart, *_runner_up(found, name), *EFFECTS[name].about.look_alikes))
-        for other in others:
-            if other in found.effects and other not in apart:
-                continue
-            told.append(f"`{name}` or `{other}`: {_against(found, mine, other, other in apart)}")
-    return told
-
-
-def _step_of(found: Diagnosis, name: str) -> dict[str, Tried]:
-    """Everything that was tried in the step at which an effect was found."""
-    steps = [step for step in found.steps if step.tried and step.tried[0].name == name]
-    return {one.name: one for one in (steps or found.steps)[0].tried} | {"": _mine(found, name)}
-
-
-def _mine(found: Diagnosis, name: str) -> Tried:
-    steps = [step for step in found.steps if step.tried and step.tried[0].name == name]
-    return next(one for one in (steps or found.steps)[0].tried if one.name == name)
-
-
-def _runner_up(found: Diagnosis, name: str) -> list[str]:
-    tried = [one for one in _step_of(found, name) if one and one != name and one not in found.effects]
-    return [one for one in tried if not one.startswith(UNNAMED)][:1]
-
-
-def _against(found: Diagnosis, tried: dict[str, Tried], other: str, alike: bool) -> str:
-    if other not in tried:
-        reasons = {one.effect: one.reason for one in found.refused}
-        return f"not ruled out, {reasons[other]}" if other in reasons else "the model has it already"
-    mine, its = tried[""], tried[other]
-    errors = f"{_error(found, its.judged)} m/s against {_error(found, mine.judged)}"
-    if alike:
-        return f"can't be told apart, {errors}"
-    apart = sureness(its.judged, mine.judged, np.random.default_rng(SEED))
-    moved = f"; it answers to the drive itself and counts for {100 * its.credit:.0f} %" if its.credit < 1.0 else ""
-    if apart < SURE:
-        return f"leaves {errors}, too close for the errors to decide ({apart:+.1f} standard errors){moved}"
-    return f"leaves {errors}, {apart:.1f} standard errors apart{moved}"
-
-
-def _error(found: Diagnosis, judged: Judged) -> str:
-    return figure(evidence.error_mps(judged))
-
-
-def figure(value: float) -> str:
-    """Three digits, all of them where there are more: 0.00680, 161, 1250; a dash for what is no number."""
-    if not math.isfinite(value):
-        return "-"
-    return f"{value:.0f}" if abs(value) >= 1000.0 else f"{value:#.3g}".rstrip(".")
-
-
-def _all(names: Sequence[str], word: str = "and") -> str:
-    quoted = [f"`{name}`" for name in names]
-    return f" {word} ".join([", ".join(quoted[:-1]), quoted[-1]]) if len(quoted) > 1 else "".join(quoted)
-
-
 def _physics(console: Console, name: str) -> None:
-    about = EFFECTS[name].about
+    effect = EFFECTS[name]()
     console.print(f"\n[bold]{name}[/bold]")
-    what = headline(EFFECTS[name]()).partition(": ")[2]
-    _print(console, " ".join([what[:1].upper() + what[1:], *SPLIT.split(about.physics)[:SENTENCES]]), flush=True)
-    _print(console, about.equation, 6)
+    _print(console, f"{what(effect)} {physics(effect)}", flush=True)
+    _print(console, effect.about.equation, 6)
 
 
 def _parameters(console: Console, fitted: Sequence[Number]) -> None:
     table = _table("", "parameter", "value", "±", "unit", "plausible range", "")
     for one in fitted:
-        bounded = math.isfinite(one.high - one.low)
-        span = f"{one.low:g} to {one.high:g}" if bounded else ("above 0" if one.low == 0.0 else "any")
         error = figure(one.std) if one.std > 0.0 else "-"
-        table.add_row(one.name, figure(one.value), error, one.unit, span, one.remark)
+        table.add_row(one.name, figure(one.value), error, one.unit, span(one), one.remark)
     console.print(table)
 
 
@@ -268,7 +153,7 @@ def _ranking(console: Console, found: Diagnosis) -> None:
     if unnamed is not None:
         name = f"any curve of {unnamed.name.removeprefix(UNNAMED)}"
         table.add_row(
-            name, _error(found, unnamed.judged), f"{round(100 * unnamed.gain)}",
+            name, figure(evidence.error_mps(unnamed.judged)), f"{round(100 * unnamed.gain)}",
             f"{unnamed.sureness:.1f}", f"{unnamed.evidence:.0f}", "", "", style="dim",
         )  # fmt: skip
     console.print()
@@ -281,30 +166,7 @@ def _ranking(console: Console, found: Diagnosis) -> None:
     if rest > 0:
         _print(console, f"and {count_of(rest, 'effect')} more that explain less (--json has them all)")
     if found.verdict is Verdict.NOTHING:
-        _list(console, "what could have hidden", _hidden(found))
-
-
-def _hidden(found: Diagnosis) -> list[str]:
-    share, before = hidden_share(found), evidence.error_mps(found.base)
-    said = [
-        f"an effect that moves the speed {found.study.horizon_s:g} s ahead by less than "
-        f"{figure(math.sqrt(share) * before)} m/s RMS would not have been named"
-    ]
-    for one in found.ranking[:3]:
-        trial = evidence.first_tried(found, one.effect)
-        if trial is None:
-            continue
-        size = float(np.sqrt(np.nanmean((found.base.fit.error_mps - trial.judged.fit.error_mps) ** 2)))
-        fitted = evidence.numbers_of(one.effect, evidence.numbers(found.study, trial.judged))
-        shape = ", ".join(f"{n.name} {figure(n.value)} ± {figure(n.std)} {n.unit}".rstrip(" -") for n in fitted)
-        said.append(f"`{one.effect}` at its best fit moves it by {figure(size)} m/s ({shape})")
-    return said
-
-
-def _experiments(found: Diagnosis) -> list[str]:
-    if found.verdict is Verdict.AMBIGUOUS:
-        return [f"`{name}`: {EFFECTS[name].about.experiment}" for name in found.effects]
-    return [found.next_experiment] if found.next_experiment else []
+        _list(console, "what could have hidden", hidden(found))
 
 
 def _refusal(effect: str, reason: str) -> str:

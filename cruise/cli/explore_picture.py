@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from cruise.cli.picture import BLUE, GREEN, GREY, ORANGE, RED
 from cruise.identification.explore import (
     CrossCorrelation,
     Excitation,
@@ -16,6 +15,7 @@ from cruise.identification.explore import (
     NotPossible,
     StaticCurve,
 )
+from cruise.report.colours import BLUE, GREEN, GREY, ORANGE, RED
 
 LOWEST_DB = -50.0
 

@@ -30,8 +30,6 @@ from cruise.cli.reading import (
     columns_of,
     count_of,
     destination,
-    model_named,
-    notes_of,
     prepared_by,
     tables,
 )
@@ -40,10 +38,12 @@ from cruise.identification.accuracy import Accuracy
 from cruise.identification.armax import Armax
 from cruise.identification.identify import Identification
 from cruise.identification.identify import identify as fit
+from cruise.identification.named import model_named
 from cruise.identification.preparation import PreparationSettings, filter_in_words
 from cruise.identification.regressors import FitError
 from cruise.model import files
 from cruise.model.files import Provenance
+from cruise.recording import notes_of
 
 MODEL_FILES = (".yaml", ".yml")
 LEAST_SHOWN_PCT = -999.9  # below it a prediction is nonsense, and its digits are noise

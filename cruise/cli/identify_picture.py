@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 
-from cruise.cli.picture import BLUE, GREY, ORANGE, RED
 from cruise.identification.identify import Identification
 from cruise.model.model import DriveResponse
 from cruise.recording import Recording
+from cruise.report.colours import BLUE, GREY, ORANGE, RED
 
 STEP_MA, STEP_SHOWN_S = 100.0, 6.0  # mA and s, of the step response
 SHOWN_S = 120.0  # s of the recording with the greatest error: more can't be told apart in a picture

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cruise.cli.picture import BLUE, GREEN, GREY, ORANGE
+from cruise.report.colours import BLUE, GREEN, GREY, ORANGE
 
 if TYPE_CHECKING:
     from cruise.cli.ladder import Rung

@@ -29,11 +29,11 @@ from cruise.cli.reading import (
     columns_of,
     count_of,
     destination,
-    model_named,
     prepared_by,
     tables,
 )
 from cruise.identification.identify import validation_filter, with_shapes
+from cruise.identification.named import model_named
 from cruise.identification.orders import Candidate, Search, search
 from cruise.identification.preparation import at_period, smoother
 from cruise.identification.regressors import FitError

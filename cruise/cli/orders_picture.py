@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from cruise.cli.picture import BLUE, GREY, ORANGE, RED
 from cruise.identification.orders import Search
+from cruise.report.colours import BLUE, GREY, ORANGE, RED
 
 
 def draw(found: Search, path: Path) -> Path:

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import numpy as np
 
-from cruise.cli.picture import BLUE, GREEN, GREY, ORANGE, RED
 from cruise.identification.explore import CrossCorrelation, FrequencyResponse, StaticCurve
 from cruise.paper.published import Published
 from cruise.paper.records import GEARS
 from cruise.paper.reproduce import WITHIN, Reproduction
+from cruise.report.colours import BLUE, GREEN, GREY, ORANGE, RED
 
 TICKS_HZ = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
 SHOWN_S = 60.0  # s of the steps

@@ -4,10 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
+from cruise.report.colours import BLUE, GREEN, GREY, ORANGE, RED
 from cruise.service.demo import Result
-
-# Colours of Okabe and Ito, which colour-blind people tell apart.
-BLUE, ORANGE, GREEN, RED, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#777777"
 
 
 def draw(result: Result, path: Path) -> Path:

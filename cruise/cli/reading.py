@@ -10,10 +10,7 @@ import typer
 
 from cruise import settings
 from cruise.cli.places import CONFIG
-from cruise.effects import Custom
 from cruise.identification.preparation import PreparationSettings
-from cruise.identification.structures import PRESETS, Family, Structure, parse
-from cruise.model import files
 from cruise.model.model import Model
 from cruise.recording import Recording
 from cruise.service.recordings import ReadingSettings, read_recording
@@ -61,19 +58,6 @@ def tables(paths: list[Path], read: ReadingSettings, period_s: float | None = No
     return [read_recording(path, read, period_s) for path in paths]
 
 
-def model_named(text: str) -> tuple[Structure, Model | None]:
-    """The structure that a name, a structure written out or a model file means; the file's model beside it."""
-    if text in PRESETS or not (text.endswith((".yaml", ".yml")) or Path(text).is_file()):
-        return parse(text), None
-    file = files.read(text)
-    model = files.model_of(text, file)
-    effects = tuple(effect.name for effect in model.effects)
-    family = Family(file.family)
-    custom = tuple(effect for effect in model.effects if isinstance(effect, Custom))
-    orders = file.na, file.nb, file.delay_s, len(file.noise_parameters)
-    return Structure(family, *orders, effects=effects, custom=custom), model
-
-
 def prepared_by(period_s: float | None, cutoff_hz: float, file: Model | None) -> PreparationSettings:
     """How training data are prepared, as the command line says or the model file. SettingsError for no such numbers."""
     if not 0.0 <= cutoff_hz < math.inf:
@@ -101,11 +85,6 @@ def destination(option: str, path: Path, endings: Sequence[str]) -> Path:
     if path.is_dir():
         raise SettingsError(f"{option} {path}: is a folder; give the name of a file")
     return path
-
-
-def notes_of(recordings: Sequence[Recording]) -> list[str]:
-    """What was lost or mended in the recordings, under the names of their files."""
-    return [f"{Path(one.source).name}: {note}" for one in recordings for note in one.notes]
 
 
 def count_of(number: int, thing: str) -> str:

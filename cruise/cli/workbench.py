@@ -7,19 +7,12 @@ from typing import Annotated, Final
 
 import typer
 
-from cruise.can.bus import BusLostError
-from cruise.can.log import LogError
-from cruise.cli import workbench_jobs as jobs
 from cruise.cli.places import CONFIG
-from cruise.cli.reading import Columns, Database, Horizon, InputName, OutputName, columns_of, model_named
-from cruise.effects.expression import ExpressionError
-from cruise.identification.regressors import FitError
+from cruise.cli.reading import Columns, Database, Horizon, InputName, OutputName, columns_of
+from cruise.identification.named import model_named
 from cruise.recording import RecordingError
-from cruise.service.recordings import LOGS, MEASUREMENT, TABLES, ReadingSettings
 from cruise.settings import SettingsError
-from cruise.workbench.tools import Tools
 
-EXPECTED: Final = (SettingsError, RecordingError, LogError, FitError, ExpressionError, BusLostError, OSError)
 HERE: Final = ("127.0.0.1", "localhost", "::1")
 
 
@@ -40,11 +33,14 @@ def workbench(
     try:
         from cruise.workbench import app
     except ModuleNotFoundError as error:
+        if (error.name or "").startswith("cruise"):
+            raise
         raise SettingsError(
             f"workbench: {error.name} is not installed; run pip install 'cruise-control-combine[workbench]'"
         ) from error
     from cruise.workbench.found import Question, Source
     from cruise.workbench.session import MODEL, Session, Step
+    from cruise.workbench.setup import Setup
 
     for path in recordings or []:
         if not path.is_file():
@@ -63,24 +59,8 @@ def workbench(
     token = "" if host in HERE else os.environ.get("CRUISE_TOKEN") or secrets.token_urlsafe(16)
     address = f"http://{host}:{port}/" + (f"?token={token}" if token else "")
     print(f"cruise: workbench on {address}", flush=True)
-    app.serve(app.Workbench(tools(reading, live), begin), host, port, token, show=browser and not token)
-
-
-def tools(reading: ReadingSettings, live: Path | None = None, cache: Path | None = None) -> Tools:
-    """The functions of the command line, as the page calls them."""
-    return Tools(
-        opened=jobs.opened,
-        compared=jobs.compared,
-        diagnosed=jobs.diagnosed,
-        added=jobs.added,
-        by_hand=jobs.by_hand,
-        reading=reading,
-        expected=EXPECTED,
-        endings=(*TABLES, MEASUREMENT, *LOGS, *(f"{ending}.gz" for ending in LOGS)),
-        preload=("cruise.cli.workbench_jobs",),
-        config=CONFIG,
-        cache=cache or user_cache(),
-        live=live,
+    app.serve(
+        app.Workbench(Setup(reading, CONFIG, user_cache(), live), begin), host, port, token, show=browser and not token
     )
 
 

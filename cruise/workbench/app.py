@@ -6,16 +6,17 @@ from typing import Final
 
 from nicegui import app, ui
 
-from cruise.workbench import jobs, theme
+from cruise.workbench import jobs, theme, verbs
 from cruise.workbench.guard import Guard
 from cruise.workbench.live import Live
 from cruise.workbench.page import Page
-from cruise.workbench.parts import speed
+from cruise.workbench.parts import busy, speed
 from cruise.workbench.session import SEARCH, Session
-from cruise.workbench.tools import Tools
+from cruise.workbench.setup import Setup
 from cruise.workbench.views import adding, comparing, failing, living, missing, opening, taking
 
 POLL_S: Final = 0.1
+FORM_BYTES: Final = 2**20  # of what surrounds the files of an upload
 SESSIONS: Final = 24  # the oldest idle one is let go
 
 
@@ -42,16 +43,16 @@ VIEWS: Final = (
 class Workbench:
     """The server's side: one session a tab."""
 
-    def __init__(self, tools: Tools, begin: Callable[[Session], None] = lambda session: None) -> None:
-        self.tools, self.begin = tools, begin
+    def __init__(self, setup: Setup, begin: Callable[[Session], None] = lambda session: None) -> None:
+        self.setup, self.begin = setup, begin
         self.sessions: dict[str, Session] = {}
-        self.live = Live(tools)
+        self.live = Live()
 
     def session(self, tab: str) -> Session:
         """The session of a tab, begun with its first visit."""
         known = self.sessions.pop(tab, None)
         if known is None:
-            known = Session(self.tools)
+            known = Session(self.setup)
             self.begin(known)
             idle = [name for name, one in self.sessions.items() if not one.busy]
             if len(self.sessions) >= SESSIONS and idle:
@@ -73,7 +74,8 @@ class Workbench:
         if tab is None:  # whoever asked runs no script
             return
         session = self.session(tab)
-        page = Page(session, self.tools, self.live, ui.context.client)
+        ui.run_javascript(theme.RESIZE)
+        page = Page(session, self.setup, self.live, ui.context.client)
         if session.dark is None:
             session.dark = bool(
                 await ui.run_javascript("matchMedia('(prefers-color-scheme: dark)').matches", timeout=5)
@@ -192,7 +194,7 @@ def _dock(page: Page, dock: ui.element) -> None:
     if job is None or not shown:
         return
     with dock:
-        ui.spinner(size="sm")
+        busy()
         with ui.column().classes("gap-0").style("flex:1; min-width:0"):
             ui.label(job.title).classes("strong")
             ui.label().classes("quiet small").bind_text_from(
@@ -203,8 +205,8 @@ def _dock(page: Page, dock: ui.element) -> None:
 
 def serve(workbench: Workbench, host: str, port: int, token: str, show: bool) -> None:
     """Serve the page until it is stopped."""
-    jobs.prepare(workbench.tools.preload)
-    guarded(token)
+    jobs.prepare([verbs.__name__])
+    guarded(token, workbench.setup.upload_bytes)
     app.on_shutdown(workbench.close)
     ui.run(
         workbench.root,
@@ -217,12 +219,13 @@ def serve(workbench: Workbench, host: str, port: int, token: str, show: bool) ->
         show_welcome_message=False,
         reconnect_timeout=30.0,
         dark=None,
+        tailwind=False,  # its script watches every change of the page, and costs a tenth of each zoom
     )
 
 
-def guarded(token: str) -> None:
-    """Nobody else gets in."""
-    app.add_middleware(Guard, token=token)
+def guarded(token: str, upload_bytes: int) -> None:
+    """Nobody else gets in, and nothing longer."""
+    app.add_middleware(Guard, token=token, most_bytes=upload_bytes + FORM_BYTES)
 
 
 FAVICON: Final = (

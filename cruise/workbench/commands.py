@@ -23,6 +23,9 @@ def lines(session: Session) -> list[str]:
     options = "" if first.horizon_s == 3.0 else f" --horizon {first.horizon_s:g}"
     if column_settings(session):
         options += f" --columns {COLUMNS}"
+    database = opened.source.reading.database
+    if database is not None and database != session.setup.reading.database:
+        options += f" --database {shlex.quote(Path(database).name)}"
     model = shlex.quote(first.model)
     said = [f"cruise compare {files} --model {model}{options}"]
     for place, step in enumerate(steps):

@@ -33,6 +33,15 @@ class Source:
     title: str
 
 
+@dataclass(frozen=True)
+class Asked:
+    """Files of which somebody has to say what their columns mean."""
+
+    paths: tuple[Path, ...]
+    reading: ReadingSettings  # what is said already
+    names: tuple[str, ...]  # of the columns of the first file
+
+
 @dataclass(frozen=True, eq=False)
 class Opened:
     """Recordings as they were measured."""
@@ -208,6 +217,7 @@ class Diagnosed:
 
     question: Question
     verdict: str
+    explained: bool  # whether a model comes with it that errs less
     effects: tuple[str, ...]
     signals: tuple[str, ...]
     sentence: str

@@ -18,17 +18,23 @@ App = Callable[[Scope, Receive, Send], Awaitable[None]]
 class Guard:
     """Lets through whoever shows the token, in the address once and in a cookie from then on; else 401.
 
-    Without a token only requests to this machine's own names pass, so that no page of another site reaches in.
+    Without a token only requests to this machine's own names pass, so that no page of another site reaches in. What is
+    longer than `most_bytes`, or does not say how long it is, is refused: 413, 411.
     """
 
-    def __init__(self, app: App, token: str) -> None:
-        self.app, self.token = app, token
+    def __init__(self, app: App, token: str, most_bytes: int) -> None:
+        self.app, self.token, self.most_bytes = app, token, most_bytes
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] not in ("http", "websocket"):
             await self.app(scope, receive, send)
             return
         headers = {name.decode("latin-1"): value.decode("latin-1") for name, value in scope["headers"]}
+        if scope.get("method") in ("POST", "PUT"):
+            length = headers.get("content-length", "")
+            if not length.isdigit() or int(length) > self.most_bytes:
+                await _answer(send, 413 if length.isdigit() else 411, b"This is more than the page takes.")
+                return
         if not self.token:
             host = headers.get("host", "").rsplit(":", 1)[0].strip("[]")
             await (self.app if host in HERE else _refuse)(scope, receive, send)
@@ -54,5 +60,9 @@ async def _refuse(scope: Scope, receive: Receive, send: Send) -> None:
     if scope["type"] == "websocket":
         await send({"type": "websocket.close", "code": 1008})
         return
-    await send({"type": "http.response.start", "status": 401, "headers": [(b"content-type", b"text/plain")]})
-    await send({"type": "http.response.body", "body": b"This page needs the address that cruise workbench printed."})
+    await _answer(send, 401, b"This page needs the address that cruise workbench printed.")
+
+
+async def _answer(send: Send, status: int, words: bytes) -> None:
+    await send({"type": "http.response.start", "status": status, "headers": [(b"content-type", b"text/plain")]})
+    await send({"type": "http.response.body", "body": words})

@@ -28,7 +28,6 @@ from cruise.service.course import Drive, FieldRow, OperatorRow
 from cruise.service.cruise_node import CruiseNode, Status
 from cruise.service.demo import Result
 from cruise.service.loop import serve
-from cruise.workbench.tools import Tools
 
 KEPT_S: Final = 900.0  # s that are shown and can be diagnosed
 EVERY_S: Final = 0.2  # s between two rows: the period of the model
@@ -60,8 +59,7 @@ class Stopped(Exception):  # noqa: N818  # no error: the watcher has seen enough
 class Live:
     """What is watched at present, for all who look."""
 
-    def __init__(self, tools: Tools) -> None:
-        self.tools = tools
+    def __init__(self) -> None:
         self.title = ""
         self.running = False
         self.fault = ""

@@ -8,8 +8,8 @@ from nicegui import Client, ui
 from cruise.workbench import theme
 from cruise.workbench.live import Live
 from cruise.workbench.session import Session
+from cruise.workbench.setup import Setup
 from cruise.workbench.theme import Theme
-from cruise.workbench.tools import Tools
 
 
 @dataclass(eq=False)
@@ -17,7 +17,7 @@ class Page:
     """One open page."""
 
     session: Session
-    tools: Tools
+    setup: Setup
     live: Live
     client: Client
     refresh: Callable[[], None] = lambda: None

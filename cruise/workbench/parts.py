@@ -59,6 +59,11 @@ def figure(value: str, unit: str, words: str, hint: str = "", tone: str = "") ->
                 ui.tooltip(hint)
 
 
+def busy() -> None:
+    """Something is under way: a dot that comes and goes, which costs the browser next to nothing."""
+    ui.element("span").classes("busy").props("aria-hidden=true")
+
+
 def bars(share: float, color: str, words: str) -> None:
     """A share as a bar."""
     with ui.element("div").classes("bar").props(f'role="img" aria-label="{words}"'):
@@ -98,7 +103,7 @@ def nothing_open(page: Page) -> bool:
         with card():
             if session.busy:
                 with ui.row().classes("items-center gap-3"):
-                    ui.spinner(size="sm")
+                    busy()
                     ui.label("The model is being judged.")
             else:
                 ui.label("There is no comparison of this model yet.")

@@ -11,10 +11,11 @@ from pathlib import Path
 from typing import Any, Final
 
 from cruise.model.files import CustomTerm
+from cruise.workbench import verbs
 from cruise.workbench.examples import Example, make
-from cruise.workbench.found import Added, Compared, Diagnosed, Opened, Predicted, Question, Show, Source
+from cruise.workbench.found import Added, Asked, Compared, Diagnosed, Opened, Predicted, Question, Show, Source
 from cruise.workbench.jobs import Job
-from cruise.workbench.tools import Tools
+from cruise.workbench.setup import Setup
 
 MODEL: Final = "arx:na=1,nb=3,delay_s=0.5"  # the paper's order, and nothing that an effect could hide behind
 SEARCH: Final = "Looking for what is missing"
@@ -41,14 +42,14 @@ class Step:
 class Session:
     """Everything of one tab."""
 
-    tools: Tools
+    setup: Setup
     folder: Path = field(default_factory=lambda: Path(tempfile.mkdtemp(prefix="cruise-workbench-")))
     opened: Opened | None = None
     steps: list[Step] = field(default_factory=list)
     at: int = 0
     job: Job | None = None
     fault: str = ""  # of the last job
-    asked: tuple[Path, ...] = ()  # files that could not be read as they are: what do their columns mean?
+    asked: Asked | None = None  # files that could not be read as they are: what do their columns mean?
     recording: int = 0  # number of the one that is shown
     window: tuple[float, float] | None = None
     context: list[str] = field(default_factory=list)  # further signals that are shown
@@ -76,11 +77,16 @@ class Session:
 
     def open(self, source: Source) -> None:
         """Read recordings and compare the first model with them."""
-        self._start(f"Opening {source.title}", self.tools.opened, (source,), self._opened, asked=source.paths)
+        self._start(f"Opening {source.title}", verbs.opened, (source,), self._opened, self._ask)
+
+    def ask_columns(self) -> None:
+        """Have it said again what the columns of the recording mean."""
+        if self.opened is not None:
+            self._start("Looking at the columns", verbs.asked, (self.opened.source,), self._ask)
 
     def open_example(self, example: Example) -> None:
         """Open a bundled recording; the virtual combine drives it first, where nobody has opened it before."""
-        self._start(f"Opening {example.title}", _example, (self.tools, example), self._opened)
+        self._start(f"Opening {example.title}", _example, (self.setup, example), self._opened)
 
     def open_live(self, path: Path, model: str, seconds: float) -> None:
         """Diagnose a service's model with the last `seconds` of its bus."""
@@ -89,7 +95,7 @@ class Session:
             self.steps, self.searching = [Step("the service's model", Question(model))], True
             self._opened(found)
 
-        self._start("Opening what the bus said", _last, (self.tools, path, seconds), done)
+        self._start("Opening what the bus said", _last, (self.setup, path, seconds), done)
 
     def close(self) -> None:
         """Forget everything."""
@@ -122,7 +128,7 @@ class Session:
 
         self._start(
             "Comparing the model with the recording",
-            self.tools.compared,
+            verbs.compared,
             (self.opened.recordings, step.question),
             done,
             part,
@@ -137,7 +143,7 @@ class Session:
         def done(found: Diagnosed) -> None:
             step.diagnosed = found
 
-        self._start(SEARCH, self.tools.diagnosed, (self.opened.recordings, step.question), done)
+        self._start(SEARCH, verbs.diagnosed, (self.opened.recordings, step.question), done)
 
     def add(self, effect: str | CustomTerm) -> None:
         """Refit the present model with one effect more, as a new step."""
@@ -148,7 +154,7 @@ class Session:
         question = replace(step.question, period_s=None) if step.added else step.question
         self._start(
             f"Adding {name}: everything is refitted",
-            self.tools.added,
+            verbs.added,
             (self.opened.recordings, question, effect, self._next_file()),
             self._stepped,
         )
@@ -160,7 +166,7 @@ class Session:
             return
         self._start(
             "Judging the model as set by hand",
-            self.tools.by_hand,
+            verbs.by_hand,
             (self.opened.recordings, step.question, step.added, values, name, self._next_file()),
             self._stepped,
         )
@@ -201,7 +207,7 @@ class Session:
         if job.fault:
             self.fault = "" if job.cancelled else job.fault
             return
-        self.fault, self.asked = "", ()
+        self.fault = ""
         if self._then is not None:
             self._then(job.result)
 
@@ -212,12 +218,14 @@ class Session:
         arguments: tuple[Any, ...],
         then: Callable[[Any], None],
         part: Callable[[Any], None] | None = None,
-        asked: tuple[Path, ...] = (),
     ) -> None:
         if self.busy:
             self.cancel()
-        self.fault, self.asked, self._then, self._part, self._seen = "", asked, then, part, None
-        self.job = Job(title, function, arguments, self.tools.expected)
+        self.fault, self.asked, self._then, self._part, self._seen = "", None, then, part, None
+        self.job = Job(title, function, arguments, verbs.EXPECTED)
+
+    def _ask(self, found: Asked) -> None:
+        self.asked = found
 
     def _opened(self, found: Opened) -> None:
         self.opened, self.fresh = found, True
@@ -243,15 +251,15 @@ def _moves(found: Opened, name: str) -> bool:
     return bool(values.max() - values.min() > 0.0) if len(values) else False
 
 
-def _example(tools: Tools, example: Example, show: Show) -> Opened:
+def _example(setup: Setup, example: Example, show: Show) -> Opened:
     """A bundled recording, made if it has to be, then opened as any other."""
-    path = make(example, tools.cache, lambda text: show(text))
-    return tools.opened(Source((path,), tools.reading, example.title), show)
+    path = make(example, setup.cache, lambda text: show(text))
+    return verbs.opened(Source((path,), setup.reading, example.title), show)
 
 
-def _last(tools: Tools, path: Path, seconds: float, show: Show) -> Opened:
+def _last(setup: Setup, path: Path, seconds: float, show: Show) -> Opened:
     """The end of a log of the bus."""
-    opened = tools.opened(Source((path,), tools.reading, f"the last {seconds / 60:.0f} minutes"), show)
+    opened = verbs.opened(Source((path,), setup.reading, f"the last {seconds / 60:.0f} minutes"), show)
     return replace(
         opened, recordings=tuple(one[-min(round(seconds / one.dt_s), len(one)) :] for one in opened.recordings)
     )

@@ -57,8 +57,17 @@ DARK: Final = Theme(
     good="#2fc79a",
     mark="#E69F00",
 )
-CHART_CONFIG: Final = {"displayModeBar": False, "scrollZoom": True, "doubleClick": "reset", "showTips": False}
-STILL_CONFIG: Final = {"displayModeBar": False, "scrollZoom": False, "doubleClick": False, "showTips": False}
+# Not responsive: an observer of each chart would outlive it where it goes at once; RESIZE follows the window instead.
+COMMON_CONFIG: Final = {"displayModeBar": False, "showTips": False, "responsive": False}
+CHART_CONFIG: Final = {**COMMON_CONFIG, "scrollZoom": True, "doubleClick": "reset"}
+STILL_CONFIG: Final = {**COMMON_CONFIG, "scrollZoom": False, "doubleClick": False}
+RESIZE: Final = """
+addEventListener("resize", async () => {
+  const { Plotly } = await import("nicegui-plotly")
+  for (const plot of document.querySelectorAll(".js-plotly-plot"))
+    if (plot.checkVisibility()) Plotly.Plots.resize(plot)
+})
+"""
 FONT: Final = "Roboto, system-ui, sans-serif"
 
 
@@ -82,6 +91,9 @@ def axis(theme: Theme, **own: Any) -> dict[str, Any]:
         "tickfont": {"size": 11, "color": theme.muted},
         "title": {"font": {"size": 12, "color": theme.muted}, "standoff": 8},
         "automargin": False,
+        # What the script would find out anew with every zoom: half of its time.
+        "type": "linear",
+        "ticklabeloverflow": "allow",
         **own,
     }
 
@@ -113,12 +125,17 @@ def style_sheet() -> str:
 
 
 RULES: Final = """
-body { --q-primary: var(--accent); }
+html { overflow-y: scroll; }
+body { --q-primary: var(--accent) !important; }
 body { background: var(--page) !important; color: var(--ink); font-size: 14px; line-height: 1.5;
   font-family: Roboto, system-ui, sans-serif; -webkit-font-smoothing: antialiased; }
 .nicegui-content { padding: 0 !important; align-items: stretch; }
 .nicegui-sub-pages { width: 100%; align-items: stretch; }
 p { margin: 0; }
+.w-full { width: 100%; } .items-center { align-items: center; } .items-end { align-items: flex-end; }
+.items-start { align-items: flex-start; } .gap-0 { gap: 0; } .gap-1 { gap: 4px; } .gap-2 { gap: 8px; }
+.gap-3 { gap: 12px; } .gap-4 { gap: 16px; } .gap-6 { gap: 24px; } .gap-8 { gap: 32px; } .gap-10 { gap: 40px; }
+.gap-12 { gap: 48px; }
 .title { font-size: 22px; font-weight: 500; line-height: 1.3; letter-spacing: -.005em; }
 .subtitle { font-size: 15px; font-weight: 500; line-height: 1.4; letter-spacing: 0; }
 .lead { color: var(--muted); max-width: 74ch; }
@@ -176,6 +193,9 @@ table.figures td:last-child, table.figures th:last-child { padding-right: 0; }
   border: 1px solid var(--line); border-radius: 10px; box-shadow: 0 6px 28px rgba(0,0,0,.16);
   padding: 10px 14px 10px 18px;
   display: flex; gap: 14px; align-items: center; min-width: 420px; max-width: 680px; }
+.busy { width: 10px; height: 10px; border-radius: 50%; flex: none; background: var(--accent);
+  animation: busy 1.2s steps(1) infinite; }
+@keyframes busy { 50% { opacity: .25; } }
 .chip { border: 1px solid var(--line); border-radius: 12px; padding: 1px 10px; font-size: 12px; color: var(--muted); }
 .chip.now { border-color: var(--accent); color: var(--accent); }
 .row-button { width: 100%; text-align: left; border: 0; background: none; padding: 8px 10px; border-radius: 6px;

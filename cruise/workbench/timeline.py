@@ -122,8 +122,7 @@ class Timeline:
         self._go(None if whole else (middle_s - half_s, middle_s + half_s))
 
     def _go(self, shown: Window | None) -> None:
-        low_s, high_s = shown or self.whole
-        self.plot.run_plot_method("relayout", {"xaxis.range": [low_s, high_s]})
+        self._show(shown, {"xaxis.range": list(shown or self.whole)})
 
     def _relaid(self, event: events.GenericEventArguments) -> None:
         told: dict[str, Any] = event.args
@@ -136,13 +135,16 @@ class Timeline:
         else:
             return
         shown = None if (low_s, high_s) == self.whole else (low_s, high_s)
-        if shown == self.shown:
-            return
+        if shown != self.shown:
+            self._show(shown, {})
+
+    def _show(self, shown: Window | None, layout: dict[str, Any]) -> None:
+        """The curves of another window, and the axes with them where they have not moved yet."""
         self.shown = shown
         self.moved(shown)
         curves = self._curves()
         self.plot.run_plot_method(
-            "restyle", {"x": [x for x, _ in curves], "y": [y for _, y in curves]}, list(range(len(curves)))
+            "update", {"x": [x for x, _ in curves], "y": [y for _, y in curves]}, layout, list(range(len(curves)))
         )
 
     def _curves(self) -> list[tuple[np.ndarray, np.ndarray]]:

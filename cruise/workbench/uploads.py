@@ -5,6 +5,10 @@ from pathlib import Path
 
 from nicegui.elements.upload_files import FileUpload
 
+from cruise.service.recordings import LOGS, MEASUREMENT, TABLES
+
+DATABASE = ".dbc"  # what the frames of a log mean
+ENDINGS = (*TABLES, MEASUREMENT, *LOGS, *(f"{ending}.gz" for ending in LOGS), DATABASE)
 LONGEST = 120  # characters of a name
 
 
@@ -14,10 +18,10 @@ def plain(name: str) -> str:
     return re.sub(r"[^A-Za-z0-9._-]", "_", last).lstrip(".")[-LONGEST:] or "recording"
 
 
-async def kept(file: FileUpload, folder: Path, endings: tuple[str, ...]) -> Path | None:
+async def kept(file: FileUpload, folder: Path) -> Path | None:
     """Where the file is now; None where it is no recording by its name."""
     name = plain(file.name)
-    if not name.lower().endswith(endings):
+    if not name.lower().endswith(ENDINGS):
         return None
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / name

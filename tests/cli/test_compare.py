@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from cruise.cli import compare_picture
 from cruise.cli.places import CONFIG
 from cruise.recording import Recording, write_csv
+from cruise.report import comparison_picture
 from cruise.signals import INPUT, OUTPUT
 from tests.validation.machine import record
 
@@ -121,12 +121,12 @@ def test_extremes_survive_the_thinning_of_long_curves():
     values = np.random.default_rng(1).standard_normal(50_000)
     values[12_345], values[23_456], values[30_000:30_100] = 50.0, -50.0, np.nan
     time_s = 0.2 * np.arange(50_000)
-    thin_s, thin = compare_picture.extremes(time_s, values)
-    assert len(thin) <= 3 * compare_picture.BINS
+    thin_s, thin = comparison_picture.extremes(time_s, values)
+    assert len(thin) <= 3 * comparison_picture.BINS
     assert {50.0, -50.0} <= set(thin)
     assert np.isnan(thin).any()
     assert np.all(np.diff(thin_s) > 0.0)
-    assert np.array_equal(compare_picture.extremes(time_s[:500], values[:500])[1], values[:500])
+    assert np.array_equal(comparison_picture.extremes(time_s[:500], values[:500])[1], values[:500])
 
 
 def test_measured_drives_fall_short_where_the_car_is_known_to_be_nonlinear(verb, dart):

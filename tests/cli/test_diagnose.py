@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from cruise import cli
-from cruise.cli import diagnose_evidence as evidence
-from cruise.cli import diagnose_picture, diagnose_words
-from cruise.cli.diagnose import report
-from cruise.cli.diagnose_curve import curve
-from cruise.cli.diagnose_evidence import Number
+from cruise.cli import diagnose_words
 from cruise.effects import EFFECTS
 from cruise.identification.structures import parse
 from cruise.recording import Recording, write_csv
+from cruise.report import diagnosis, diagnosis_picture, evidence
+from cruise.report.curve import curve
+from cruise.report.diagnosis_figures import report
+from cruise.report.evidence import Number
 from cruise.signals import INPUT, OUTPUT
 from cruise.validation.diagnose import Diagnosis, Verdict, diagnose
 from cruise.validation.noise_floor import Bound, NoiseFloor
@@ -123,10 +123,10 @@ def test_the_verdict_comes_first_and_everything_that_follows_from_it(hills, caps
     out = said(capsys, hills, "--period", "0.2")
     first = hills.ranking[0]
     last = evidence.error_mps(evidence.known(hills))
-    before, after = (diagnose_words.figure(value) for value in (first.error_before_mps, last))
+    before, after = (diagnosis.figure(value) for value in (first.error_before_mps, last))
     assert out.startswith(
         f"`grade` is missing: with it the error 3 s ahead falls from {before} to {after} m/s on data that the "
-        f"fit has not seen (confidence {diagnose_words.confidence(hills.confidence)})."
+        f"fit has not seen (confidence {diagnosis.confidence(hills.confidence)})."
     )
     for words in (
         "a part of the machine's weight pulls along the ground",
@@ -151,9 +151,7 @@ def test_where_nothing_is_missing_it_says_what_could_have_hidden(flat, capsys):
     out = said(capsys, flat)
     assert out.startswith("Nothing is missing: no effect that these recordings can speak of lowers the error 3 s ahead")
     before = flat.ranking[0].error_before_mps
-    assert (
-        f"ahead by less than {diagnose_words.figure(np.sqrt(0.15) * before)} m/s RMS would not have been named" in out
-    )
+    assert f"ahead by less than {diagnosis.figure(np.sqrt(0.15) * before)} m/s RMS would not have been named" in out
     assert "at its best fit moves it by" in out
     assert "cruise add" not in out
     assert json.loads(json.dumps(report(flat, MODEL, MODEL), allow_nan=False))["effects"] == []
@@ -239,14 +237,14 @@ def test_the_residual_follows_the_signature_before_and_not_after(hills):
     before, after = one.before.error_mps[known], one.after.error_mps[known]
     x = before - after
     for error, slope in ((before, 1.0), (after, 0.0)):
-        middles, ten, median, ninety = diagnose_picture.binned(x, error)
+        middles, ten, median, ninety = diagnosis_picture.binned(x, error)
         assert np.polyfit(middles, median, 1)[0] == pytest.approx(slope, abs=0.15)
         assert np.all(ten < median)
         assert np.all(median < ninety)
 
 
 def test_the_telling_minute_is_that_in_which_the_error_falls_most(hills):
-    number, stretch = diagnose_picture.telling_stretch(hills, hills.final)
+    number, stretch = diagnosis_picture.telling_stretch(hills, hills.final)
     assert (number, stretch.stop - stretch.start) == (0, 300)
     fallen = np.nan_to_num(hills.base.error_mps**2 - hills.final.error_mps**2)
     sums = [fallen[i : i + 300].sum() for i in range(len(fallen) - 299)]
@@ -260,13 +258,13 @@ def test_the_telling_minute_lies_within_one_of_several_recordings(hills):
         error = two.base.error_mps.copy()
         error[better] *= 0.01
         found = replace(hills, study=two, base=two.base)
-        assert diagnose_picture.telling_stretch(found, replace(two.base, error_mps=error)) == wanted
+        assert diagnosis_picture.telling_stretch(found, replace(two.base, error_mps=error)) == wanted
 
 
 @pytest.mark.parametrize("which", ["missing", "nothing", "unlisted", "ambiguous"])
 def test_every_verdict_has_its_picture(hills, flat, tmp_path, which):
     found = {"missing": hills, "nothing": flat, "unlisted": unlisted(hills), "ambiguous": ambiguous(hills)}[which]
-    path = diagnose_picture.draw(found, FLOOR, tmp_path / "p.png")
+    path = diagnosis_picture.draw(found, FLOOR, tmp_path / "p.png")
     width, height = (int.from_bytes(path.read_bytes()[at : at + 4], "big") for at in (16, 20))
     assert width == 1430
     assert height > (1700 if which == "ambiguous" else 1300)
@@ -289,8 +287,8 @@ def test_a_number_is_plausible_strictly_between_its_bounds():
 
 def test_figures_have_three_digits():
     values = {0.0068: "0.00680", 161.2: "161", 12345.6: "12346", np.nan: "-", np.inf: "-", 5.514e-6: "5.51e-06"}
-    assert [diagnose_words.figure(value) for value in values] == list(values.values())
-    assert [diagnose_words.confidence(value) for value in (0.999, 0.5, 1e-9)] == ["> 0.99", "0.50", "< 0.01"]
+    assert [diagnosis.figure(value) for value in values] == list(values.values())
+    assert [diagnosis.confidence(value) for value in (0.999, 0.5, 1e-9)] == ["> 0.99", "0.50", "< 0.01"]
 
 
 MISTAKES = {

@@ -5,23 +5,24 @@ import pytest
 
 from cruise.cli import reading
 from cruise.effects.dead_zone import DeadZone
+from cruise.identification.named import model_named
 from cruise.identification.regressors import FitError
 from cruise.identification.structures import PRESETS, Family, parse
 from cruise.model import files
 from cruise.model.files import Provenance
 from cruise.model.model import Model
-from cruise.recording import Recording
+from cruise.recording import Recording, notes_of
 from cruise.settings import SettingsError
 from cruise.signals import INPUT, OUTPUT
 
 
 def test_a_name_a_structure_and_a_file_are_told_apart(tmp_path):
-    assert reading.model_named("arx10B") == (PRESETS["arx10B"], None)
+    assert model_named("arx10B") == (PRESETS["arx10B"], None)
     written = "oe:nf=2,nb=1,delay_s=0.4+dead_zone"
-    assert reading.model_named(written) == (parse(written), None)
+    assert model_named(written) == (parse(written), None)
     model = Model(0.1, 1, 2, 3, (DeadZone(400.0),), (0.5, 1e-4, 1e-4, 0.0))
     files.save(tmp_path / "m.yaml", model, Provenance(), "armax", (0.3, 0.1))
-    structure, start = reading.model_named(str(tmp_path / "m.yaml"))
+    structure, start = model_named(str(tmp_path / "m.yaml"))
     assert (structure.family, structure.na, structure.nb, structure.nc) == (Family.ARMAX, 1, 2, 2)
     assert structure.delay_s == pytest.approx(0.3)
     assert structure.effects == ("dead_zone",)
@@ -30,9 +31,9 @@ def test_a_name_a_structure_and_a_file_are_told_apart(tmp_path):
 
 def test_a_file_that_is_not_there_is_no_misspelt_name(tmp_path):
     with pytest.raises(SettingsError, match="no such file"):
-        reading.model_named(str(tmp_path / "none.yaml"))
+        model_named(str(tmp_path / "none.yaml"))
     with pytest.raises(FitError, match="did you mean arx10B"):
-        reading.model_named("arx10b")
+        model_named("arx10b")
 
 
 def test_the_command_line_names_columns_over_the_settings(tmp_path):
@@ -83,5 +84,5 @@ def test_where_a_file_goes_is_made_or_refused_before_the_work(tmp_path):
 def test_notes_stand_under_their_files_and_one_thing_is_no_plural():
     time_s = 0.2 * np.arange(20)
     one = Recording(time_s, {INPUT: time_s, OUTPUT: time_s}, 0.2, "/deep/folder/a.csv", ("gap of 3 s", "1 row lost"))
-    assert reading.notes_of([one, one]) == ["a.csv: gap of 3 s", "a.csv: 1 row lost"] * 2
+    assert notes_of([one, one]) == ["a.csv: gap of 3 s", "a.csv: 1 row lost"] * 2
     assert [reading.count_of(n, "recording") for n in (0, 1, 2)] == ["0 recordings", "1 recording", "2 recordings"]

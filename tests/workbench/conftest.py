@@ -1,19 +1,12 @@
 """The workbench as it is used: served by the verb itself, walked through in a real browser."""
 
-import os
-import socket
-import subprocess
-import sys
-import time
-import urllib.request
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from urllib.error import URLError
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
-STARTS_S = 120.0  # until the page answers, on a machine that does other things too
+LAID_OUT = Path(__file__).with_name("laid_out.js").read_text()
+WIDTHS = (1440, 1024)
 
 
 @pytest.fixture(scope="session")
@@ -26,57 +19,26 @@ def cache(tmp_path_factory) -> Path:
 def server(cache, tmp_path_factory) -> Iterator[str]:
     """Address of a workbench that runs as `cruise workbench` starts it."""
     pytest.importorskip("nicegui", reason="the extra workbench is not installed")
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    words = ["cruise", "workbench", "--no-browser", "--port", str(port)]
-    # Less than the tests themselves have: nothing of pytest, and of its warnings, in the server.
-    env = {name: value for name, value in os.environ.items() if not name.startswith(("PYTEST", "NICEGUI"))}
-    env |= {"XDG_CACHE_HOME": str(cache), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MPLBACKEND": "Agg"}
+    pytest.importorskip("playwright.sync_api", reason="playwright is not installed: no walk in a browser")
+    from tools.page.served import served
+
     said = tmp_path_factory.mktemp("server") / "said.txt"
-    with said.open("w") as stream:
-        process = subprocess.Popen(
-            [sys.executable, "-c", f"import sys; sys.argv = {words!r}; from cruise.cli import main; main()"],
-            cwd=ROOT,
-            env=env,
-            stdout=stream,
-            stderr=subprocess.STDOUT,
-        )
-        address = f"http://127.0.0.1:{port}"
-        try:
-            _wait(address, process, said)
-            yield address
-        finally:
-            process.terminate()
-            process.wait(30)
+    with served(cache, said) as address:
+        yield address
     assert "Traceback" not in said.read_text(), said.read_text()
-
-
-def _wait(address: str, process: subprocess.Popen, said: Path) -> None:
-    until = time.monotonic() + STARTS_S
-    while time.monotonic() < until:
-        assert process.poll() is None, said.read_text()
-        try:
-            with urllib.request.urlopen(address, timeout=5):
-                return
-        except (URLError, OSError):
-            time.sleep(0.2)
-    pytest.fail(f"no answer from {address}: {said.read_text()}")
 
 
 @pytest.fixture(scope="session")
 def chromium() -> Iterator[object]:
     """A headless Chromium; without one the walk is not run, and says so."""
-    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed: no walk in a browser")
-    found = subprocess.run([ROOT / "tools" / "browser"], capture_output=True, text=True)
-    if found.returncode:
-        pytest.skip(f"no walk in a browser: {found.stderr.strip()}")
-    with playwright.sync_playwright() as driver:
-        browser = driver.chromium.launch(
-            executable_path=found.stdout.strip().splitlines()[-1], args=["--no-sandbox", "--disable-gpu"]
-        )
-        yield browser
-        browser.close()
+    pytest.importorskip("playwright.sync_api", reason="playwright is not installed: no walk in a browser")
+    from tools.page import served
+
+    try:
+        with served.chromium() as browser:
+            yield browser
+    except served.NoBrowserError as error:
+        pytest.skip(f"no walk in a browser: {error}")
 
 
 @pytest.fixture
@@ -85,7 +47,7 @@ def visit(chromium, server) -> Iterator[Callable[[], object]]:
     contexts, errors, elsewhere = [], [], []
 
     def come():
-        context = chromium.new_context(viewport={"width": 1440, "height": 900}, accept_downloads=True)
+        context = chromium.new_context(viewport={"width": WIDTHS[0], "height": 900}, accept_downloads=True)
         context.set_default_timeout(90_000)
         contexts.append(context)
         page = context.new_page()
@@ -101,6 +63,21 @@ def visit(chromium, server) -> Iterator[Callable[[], object]]:
         context.close()
     assert errors == []
     assert elsewhere == [], "something was requested from another host"
+
+
+def laid_out(page) -> None:
+    """Nothing overlaps or sticks out, and every axis has its unit, in both widths, by day and by night."""
+    for _ in ("light", "dark"):
+        for width in WIDTHS:
+            page.set_viewport_size({"width": width, "height": 900})
+            page.wait_for_timeout(600)  # charts follow the width
+            assert page.evaluate(LAID_OUT) == []
+        turn = page.locator("nav").get_by_role("button").last
+        other = {"dark": "light", "light": "dark"}[turn.inner_text().split()[-1]]
+        turn.click()
+        page.locator("nav").get_by_role("button", name=other).wait_for()  # the whole page is shown anew before it
+        page.wait_for_timeout(600)
+    page.set_viewport_size({"width": WIDTHS[0], "height": 900})
 
 
 def _ours(url: str, server: str) -> bool:

@@ -2,25 +2,35 @@
 
 import asyncio
 import time
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pytest
+from asammdf import MDF, Signal
+from pyarrow import parquet
 
 pytest.importorskip("nicegui", reason="the extra workbench is not installed")
 
+from cruise.can.codec import Codec
 from cruise.can.frame import Frame
+from cruise.can.log import LogWriter
+from cruise.can.settings import CanSettings
+from cruise.cli.places import CONFIG
 from cruise.recording import ColumnSettings
 from cruise.service.course import Drive, FieldRow, OperatorRow
 from cruise.service.cruise_node import CruiseNode
 from cruise.service.recordings import ReadingSettings
+from cruise.service.recordings.names import names_in
+from cruise.signals import INPUT, OUTPUT
 from cruise.workbench import jobs
 from cruise.workbench.downsample import extremes, window
 from cruise.workbench.examples import EXAMPLES, drive, make
 from cruise.workbench.guard import COOKIE, Guard
 from cruise.workbench.live import Row, Twin, again_and_again, worse_since
 from cruise.workbench.uploads import plain
-from cruise.workbench.views.mapping import AS_IT_IS, guessed, reading_of
+from cruise.workbench.views.mapping import AS_IT_IS, TIME, guessed, known, reading_of
 
 
 def test_downsampling_keeps_every_extreme():
@@ -129,7 +139,7 @@ def test_an_upload_never_leaves_its_folder(name, kept):
     assert "/" not in plain(name)
 
 
-def asked(token: str, host: str, query: str = "", cookie: str = "", kind: str = "http") -> tuple[list, bool]:
+def asked(token: str, host: str, query: str = "", cookie: str = "", kind: str = "http", method="GET", length="0"):
     """What a request gets, and whether it came through."""
     sent, through = [], []
 
@@ -144,9 +154,9 @@ def asked(token: str, host: str, query: str = "", cookie: str = "", kind: str = 
     async def send(message):
         sent.append(message)
 
-    headers = [(b"host", host.encode()), (b"cookie", cookie.encode())]
-    scope = {"type": kind, "headers": headers, "query_string": query.encode()}
-    asyncio.run(Guard(app, token)(scope, receive, send))
+    headers = [(b"host", host.encode()), (b"cookie", cookie.encode()), (b"content-length", length.encode())]
+    scope = {"type": kind, "method": method, "headers": headers, "query_string": query.encode()}
+    asyncio.run(Guard(app, token, 1000)(scope, receive, send))
     return sent, bool(through)
 
 
@@ -167,6 +177,13 @@ def test_on_this_machine_no_page_of_another_site_gets_in():
     assert asked("", "evil.example", kind="websocket")[0] == [{"type": "websocket.close", "code": 1008}]
 
 
+@pytest.mark.parametrize(("length", "status"), [("1000", None), ("1001", 413), ("", 411), ("-1", 411)])
+def test_more_than_the_page_takes_is_refused_before_it_is_read(length, status):
+    sent, through = asked("", "127.0.0.1", method="POST", length=length)
+    assert through == (status is None)
+    assert status is None or sent[0]["status"] == status
+
+
 def test_columns_are_guessed_and_meant():
     names = ["time_s", "pump_curent_ma", "v", "engine_speed_rpm"]
     found = guessed(names, ["time_s", "pump_current_ma", "ground_speed_mps", "engine_speed_rpm"])
@@ -183,6 +200,35 @@ def test_columns_are_guessed_and_meant():
     assert reading.columns["v"] == ColumnSettings(scale=1 / 3.6)
     assert reading.columns["n"] == ColumnSettings(signal="engine_speed_rpm")
     assert "x" not in reading.columns
+
+
+def test_every_kind_of_file_says_how_its_columns_are_called(tmp_path):
+    settings = ReadingSettings(database=str(CONFIG / "cruise.dbc"))
+    numbers = np.arange(20.0)
+    (tmp_path / "a.csv").write_text("t; I ;v\n0;1;2\n")
+    parquet.write_table(pa.table({"t": numbers, "I": numbers}), tmp_path / "a.parquet")
+    with MDF() as file:
+        file.append([Signal(numbers, numbers, name="I")])
+        file.append([Signal(numbers, numbers, name="v")])
+        file.save(tmp_path / "a.mf4")
+    codec = Codec.load(CONFIG / "cruise.dbc", CanSettings())
+    frame = codec.encode("DriveFeedback", {INPUT: 700.0, OUTPUT: 2.0}, 5.0)
+    with closing(LogWriter.create(tmp_path / "a.log")) as log:
+        log.write(frame)
+        log.write(Frame(timestamp=5.1, arbitration_id=0x18FEEE00, data=bytes(8)))
+    assert names_in(tmp_path / "a.csv", settings) == ["t", "I", "v"]
+    assert names_in(tmp_path / "a.parquet", settings) == ["t", "I"]
+    assert names_in(tmp_path / "a.mf4", settings) == ["I", "v"]
+    assert {INPUT, OUTPUT} <= set(names_in(tmp_path / "a.log", settings))
+    assert names_in(tmp_path / "a.log", ReadingSettings()) == [], "nobody has said what the frames mean"
+
+
+def test_what_was_said_of_columns_is_known_again():
+    names, meanings = ["t", "I", "v", "engine_speed_rpm", "x"], [TIME, INPUT, OUTPUT, "engine_speed_rpm", "pitch_deg"]
+    meant = {"t": (TIME, "ms"), "I": (INPUT, "A"), "v": (OUTPUT, "km/h"), "x": ("pitch_deg", "rad")}
+    assert known(reading_of(ReadingSettings(), meant), names, meanings) == meant | {
+        "engine_speed_rpm": ("engine_speed_rpm", "rpm")
+    }
 
 
 def rows(errors: list[float]) -> list[Row]:

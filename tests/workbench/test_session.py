@@ -9,8 +9,7 @@ import pytest
 pytest.importorskip("nicegui", reason="the extra workbench is not installed")
 
 from cruise import settings
-from cruise.cli.workbench import tools
-from cruise.cli.workbench_jobs import added, by_hand, compared
+from cruise.cli.places import CONFIG
 from cruise.effects import Custom, Stage
 from cruise.model import files
 from cruise.model.files import CustomTerm
@@ -21,6 +20,8 @@ from cruise.workbench.by_hand import changed, judged, settings_of
 from cruise.workbench.examples import EXAMPLES, drive
 from cruise.workbench.found import Opened, Question, Source
 from cruise.workbench.session import MODEL, Session, Step
+from cruise.workbench.setup import Setup
+from cruise.workbench.verbs import added, by_hand, compared
 from cruise.workbench.views.failing import stretches_of
 
 
@@ -49,7 +50,7 @@ def better(recording, tmp_path_factory):
 @pytest.fixture
 def session(recording, begun, better, tmp_path):
     """A session in which the slope was added."""
-    one = Session(tools(ReadingSettings(), cache=tmp_path))
+    one = Session(Setup(ReadingSettings(), CONFIG, tmp_path))
     source = Source((Path("monday's drive.csv"),), ReadingSettings(), "<b>monday</b>")
     one.opened = Opened(source, (recording,), ())
     one.steps = [
@@ -124,6 +125,12 @@ def test_the_command_lines_do_the_same(session):
     assert f"cruise add grade --model {MODEL} 'monday'\"'\"'s drive.csv' -o better.yaml" in lines
     session.undo()
     assert len(commands.lines(session)) == 1
+
+
+def test_the_command_lines_name_the_database_that_was_dropped(session):
+    reading = ReadingSettings(database="/anywhere/theirs.dbc")
+    session.opened = replace(session.opened, source=replace(session.opened.source, reading=reading))
+    assert commands.lines(session)[0].endswith(" --database theirs.dbc")
 
 
 def test_what_the_columns_mean_is_a_settings_file(session, tmp_path):

@@ -2,13 +2,18 @@
 
 import json
 import re
+from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pytest
+from asammdf import MDF, Signal
+from pyarrow import parquet
 
 from cruise.recording import Recording
 from cruise.signals import INPUT, OUTPUT
 from tests.cli.conftest import verb  # noqa: F401  # the command line, for comparison
+from tests.workbench.conftest import laid_out
 
 PREDICTED = "model, 3 s ahead"
 
@@ -102,18 +107,34 @@ def test_a_file_that_is_none_is_refused_with_the_reason(visit, tmp_path):
     assert "broken.csv" in alert.inner_text()
 
 
-def test_columns_of_other_names_and_units_are_asked_for(visit, tmp_path, cache, one_recording):
+MEANT = (("t_ms", "time_s", "ms"), ("I_amps", "pump_current_ma", "A"), ("v_kmh", "ground_speed_mps", "km/h"))
+
+
+def strange(folder: Path, ending: str, recording: Recording) -> Path:
+    """The recording in a file whose columns have names and units that nobody knows."""
+    path = folder / f"strange{ending}"
+    rows = {"t_ms": 1e3 * recording.time_s, "I_amps": 1e-3 * recording.input, "v_kmh": 3.6 * recording.output}
+    match ending:
+        case ".csv":
+            table = np.column_stack(list(rows.values()))
+            np.savetxt(path, table, delimiter=",", header=",".join(rows), comments="")
+        case ".parquet":
+            parquet.write_table(pa.table(rows), path)
+        case ".mf4":
+            with MDF() as file:
+                for name in ("I_amps", "v_kmh"):
+                    file.append([Signal(rows[name], recording.time_s, name=name)])
+                file.save(path)
+    return path
+
+
+@pytest.mark.parametrize("ending", [".csv", ".parquet", ".mf4"])
+def test_columns_of_other_names_and_units_are_asked_for(visit, tmp_path, one_recording, ending):
     page = visit()
-    strange = tmp_path / "strange.csv"
-    rows = np.column_stack([1000.0 * one_recording.time_s, one_recording.input / 1000.0, 3.6 * one_recording.output])
-    np.savetxt(strange, rows, delimiter=",", header="t_ms,I_amps,v_kmh", comments="")
-    page.locator("input[type=file]").set_input_files(strange)
+    page.locator("input[type=file]").set_input_files(strange(tmp_path, ending, one_recording))
     page.get_by_text("What do the columns mean?").wait_for()
-    for column, meaning, unit in (
-        ("t_ms", "time_s", "ms"),
-        ("I_amps", "pump_current_ma", "A"),
-        ("v_kmh", "ground_speed_mps", "km/h"),
-    ):
+    laid_out(page)
+    for column, meaning, unit in MEANT[ending == ".mf4" :]:  # a measurement has times of its own
         for what, value in ((f"meaning of {column}", meaning), (f"unit of {column}", unit)):
             page.get_by_label(what).click()
             page.get_by_role("option", name=value, exact=True).click()
@@ -122,6 +143,10 @@ def test_columns_of_other_names_and_units_are_asked_for(visit, tmp_path, cache, 
     page.get_by_text("no context signals").wait_for()
     persistence = page.locator("table.figures tr", has_text="persistence").locator("td").nth(1).inner_text()
     assert float(persistence) == pytest.approx(_persistence(one_recording), rel=0.1)
+    go(page, "Open")
+    page.get_by_role("button", name="Change what the columns mean").click()
+    page.get_by_text("What do the columns mean?").wait_for()
+    assert page.get_by_label("unit of v_kmh").input_value() == "km/h", "what was said is not forgotten"
 
 
 def _persistence(recording) -> float:

@@ -11,10 +11,10 @@ from pathlib import Path
 from msgspec import structs
 
 from cruise import settings
-from cruise.cli.add import model_file
 from cruise.identification.structures import parse
 from cruise.model.history import undone
 from cruise.plant import PlantSettings
+from cruise.report.model_file import model_file
 from cruise.service import course, demo
 from cruise.service import settings as service_settings
 from cruise.validation import ladder
@@ -24,6 +24,7 @@ from .recordings import CONFIG, PERIOD_S, drive
 
 STRUCTURE, EFFECT = "arx:na=1,nb=3,delay_s=0.4+dead_zone+quadratic_gain", "engine_speed"
 SEED, SECONDS = 77, 600.0  # of the recording
+MADE_ON = "2026-01-01"  # in a file that is gone when the drives are over
 SEEDS, DEMO_S = (0, 1), 180.0
 
 
@@ -35,7 +36,7 @@ def measure(seeds: Sequence[int] = SEEDS, recorded_s: float = SECONDS, demo_s: f
     study = ladder.begin(recorded, structure, None, None, PERIOD_S)
     added = ladder.add(study, EFFECT)
     floor = ladder.floor(study, recorded, added)
-    better = model_file(STRUCTURE, structure, None, (), study, added, floor)
+    better = model_file(STRUCTURE, structure, None, (), study, added, floor, MADE_ON)
     reports: dict[str, list[dict]] = {}
     with tempfile.TemporaryDirectory() as folder:
         for name, file in (("before", undone("better.yaml", better)), ("after", better)):

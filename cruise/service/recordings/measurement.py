@@ -30,6 +30,12 @@ def has_channels(path: str | Path, settings: RecordingSettings) -> bool:
         return not frames or all(name in names or name in renamed for name in (settings.input, settings.output))
 
 
+def channels_of(path: str | Path) -> list[str]:
+    """The names of the file's channels, none for a log of the bus. Raises RecordingError."""
+    with _opened(path) as file:
+        return list(_channels(file))
+
+
 def read_measurement(path: str | Path, settings: RecordingSettings, dt_s: float | None = None) -> Recording:
     """Read the channels of an MDF file onto a uniform grid of `dt_s`; times as in the file, from its start.
 

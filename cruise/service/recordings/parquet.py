@@ -50,6 +50,20 @@ def read_parquet(path: str | Path, settings: RecordingSettings, dt_s: float | No
     return tabulated(str(path), raw, settings, dt_s, lambda row: f"{path}, row {row + 1}", str(path), tuple(notes))
 
 
+def columns_of(path: str | Path) -> list[str]:
+    """The names of a Parquet file's columns. Raises RecordingError where it has none that could be read."""
+    try:
+        import pyarrow as pa
+        from pyarrow import parquet
+    except ImportError as error:
+        raise RecordingError(f"{path}: Parquet files need pyarrow; {INSTALL}") from error
+    try:
+        names = parquet.read_schema(path).names
+    except (pa.ArrowException, OSError) as error:
+        raise RecordingError(f"{path}: cannot be read: {error}; is it a Parquet file?") from error
+    return [name for name in names if not name.startswith(PANDAS_INDEX)]
+
+
 def _cells(column: "pa.ChunkedArray") -> FloatArray | None:
     """Return the cells (N,) as numbers, NaN for none; None for a column of lists, bytes and the like."""
     import pyarrow as pa

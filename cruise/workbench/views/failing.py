@@ -215,5 +215,5 @@ def _figure(cells: Cells, page: Page) -> dict[str, Any]:
 def _title(quantity: tuple[str, str], colors: theme.Theme) -> dict[str, Any]:
     words, unit = quantity
     return {
-        "text": f"{words} ({unit})" if unit else words, "font": {"size": 12, "color": colors.muted}, "standoff": 14,
+        "text": f"{words} ({unit or 'state'})", "font": {"size": 12, "color": colors.muted}, "standoff": 14,
     }  # fmt: skip

@@ -11,6 +11,7 @@ from cruise.workbench.downsample import extremes
 from cruise.workbench.live import KEPT_S, Live, watch_bus, watch_combine, worse_since
 from cruise.workbench.page import Page
 from cruise.workbench.parts import NO_FIGURE, card, figure, heading, legend, speed
+from cruise.workbench.verbs import EXPECTED
 
 REFRESH_S: Final = 1.0
 POINTS: Final = 500
@@ -36,22 +37,22 @@ def show(page: Page) -> None:
 
 
 def _begin(page: Page) -> None:
-    live, tools = page.live, page.tools
+    live, setup = page.live, page.setup
     folder = page.session.folder / "live"
     with ui.element("div").classes("grid2"):
         with card("The virtual combine"):
             ui.label(f"Combine, service and operator in this process, {PACE:g} times as fast as the clock.").classes(
                 "quiet"
             )
-            _button("Watch the combine", lambda: watch_combine(live, tools.config, folder, PACE), page)
+            _button("Watch the combine", lambda: watch_combine(live, setup.config, folder, PACE), page)
         with card("A bus"):
-            if tools.live is None:
+            if setup.live is None:
                 ui.label(
                     "Start with cruise workbench --live config/cruise.yaml to listen to the SocketCAN bus on which "
                     "cruise run drives."
                 ).classes("quiet")
             else:
-                config = tools.live
+                config = setup.live
                 ui.label(f"The bus of {config}.").classes("quiet")
                 _button("Listen to the bus", lambda: watch_bus(live, config, folder), page)
 
@@ -66,7 +67,7 @@ def _button(words: str, watch: Any, page: Page) -> None:
         page.refresh()
         try:
             await run.io_bound(watch)
-        except page.tools.expected as error:
+        except EXPECTED as error:
             live.running, live.fault = False, str(error)
             page.refresh()
 

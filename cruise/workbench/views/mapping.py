@@ -1,16 +1,15 @@
 """What the columns of a file mean, where they are not named as cruise names them."""
 
-import csv
 import difflib
-from pathlib import Path
 from typing import Any, Final
 
 from msgspec.structs import replace
 from nicegui import ui
 
 from cruise.recording import ColumnSettings
+from cruise.service.recordings import TABLES, ReadingSettings
 from cruise.signals import INPUT, OUTPUT, SIGNALS
-from cruise.workbench.found import Source
+from cruise.workbench.found import Asked, Source
 from cruise.workbench.page import Page
 from cruise.workbench.parts import card
 
@@ -30,55 +29,79 @@ AS_IT_IS: Final = "leave as it is"
 LEAVING_OUT: Final = ("cruise_", "requested_", "setpoint", "lever", "brake", "clutch", "pump_current_command")
 
 
-def show(page: Page, paths: tuple[Path, ...]) -> None:
+def show(page: Page, asked: Asked) -> None:
     """One row a column: what it is, and in which unit."""
-    names = columns(paths[0])
-    meanings = [TIME, *(name for name in SIGNALS if not name.startswith(LEAVING_OUT))]
-    with card("What do the columns mean?"):
-        ui.label(
-            "cruise needs one time, one pump current and one ground speed. The rest stays under its own name unless "
-            "you say what it is."
-        ).classes("quiet measure")
-        if not names:
-            _roles_only(page, paths)
+    table = asked.paths[0].suffix.lower() in TABLES  # logs and measurements have times of their own
+    meanings = [*([TIME] if table else []), *(name for name in SIGNALS if not name.startswith(LEAVING_OUT))]
+    needed = [TIME, INPUT, OUTPUT] if table else [INPUT, OUTPUT]
+    meant = known(asked.reading, list(asked.names), meanings)
+    chosen: dict[str, tuple[Any, Any]] = {}
+
+    def read() -> None:
+        told = {name: (str(meaning.value), str(unit.value)) for name, (meaning, unit) in chosen.items()}
+        meanings = [meaning for meaning, _ in told.values() if meaning != AS_IT_IS]
+        absent = [one for one in needed if one not in meanings]
+        twice = [one for one in dict.fromkeys(meanings) if meanings.count(one) > 1]
+        if absent or twice:
+            problem = f"Which column is {absent[0]}?" if absent else f"Two columns are {twice[0]}: only one can be."
+            ui.notify(problem, type="warning")
             return
-        chosen: dict[str, tuple[Any, Any]] = {}
-        guesses = guessed(names, meanings)
-        with ui.element("table").classes("figures"):
+        page.session.open(Source(asked.paths, reading_of(asked.reading, told), asked.paths[0].name))
+        page.refresh()
+
+    with card("What do the columns mean?"):
+        words = "one time, one pump current and one ground speed" if table else "one pump current and one ground speed"
+        ui.label(f"cruise needs {words}. The rest stays under its own name unless you say what it is.").classes(
+            "quiet measure"
+        )
+        with ui.element("table").classes("figures").style("max-width:720px"):
             with ui.element("tr"):
-                for words in ("column", "is", "in"):
+                for words in ("column" if table else "signal", "is", "in"):
                     with ui.element("th").classes("words"):
                         ui.label(words)
-            for name in names:
+            for name in asked.names:
                 with ui.element("tr"):
                     with ui.element("td"):
-                        ui.label(name).classes("mono")
-                    with ui.element("td").classes("words"):
-                        meaning = ui.select([AS_IT_IS, *meanings], value=guesses.get(name, AS_IT_IS))
-                        meaning.props(f'outlined dense options-dense aria-label="meaning of {name}"').style(
-                            "width:240px"
-                        )
-                    with ui.element("td").classes("words"):
-                        unit = ui.select(_units(meaning.value), value=_units(meaning.value)[0])
-                        unit.props(f'outlined dense options-dense aria-label="unit of {name}"').style("width:110px")
-                        meaning.on_value_change(
-                            lambda event, unit=unit: unit.set_options(_units(event.value), value=_units(event.value)[0])
-                        )
-                chosen[name] = meaning, unit
-
-        def read() -> None:
-            meant = {name: (str(meaning.value), str(unit.value)) for name, (meaning, unit) in chosen.items()}
-            absent = [one for one in (TIME, INPUT, OUTPUT) if one not in [what for what, _ in meant.values()]]
-            if absent and not (absent == [TIME] and paths[0].suffix != ".csv"):
-                ui.notify(f"Which column is {absent[0]}?", type="warning")
-                return
-            page.session.open(Source(paths, reading_of(page.tools.reading, meant), paths[0].name))
-            page.refresh()
-
+                        ui.label(name).classes("mono").style("overflow-wrap:anywhere")
+                    chosen[name] = _choice(name, meanings, *meant.get(name, (AS_IT_IS, "-")))
         ui.button("Open it like this", on_click=read).props("unelevated no-caps").style("align-self:flex-start")
 
 
-def reading_of(usual: Any, meant: dict[str, tuple[str, str]]) -> Any:
+def _choice(name: str, meanings: list[str], value: str, in_unit: str) -> tuple[Any, Any]:
+    """The two fields of one column."""
+    with ui.element("td").classes("words"):
+        meaning = ui.select([AS_IT_IS, *meanings], value=value)
+        meaning.props(f'outlined dense options-dense aria-label="meaning of {name}"').style("width:240px")
+    with ui.element("td").classes("words"):
+        units = _units(value)
+        unit = ui.select(units, value=in_unit if in_unit in units else units[0])
+        unit.props(f'outlined dense options-dense aria-label="unit of {name}"').style("width:110px")
+        meaning.on_value_change(lambda event: unit.set_options(_units(event.value), value=_units(event.value)[0]))
+    return meaning, unit
+
+
+def known(reading: ReadingSettings, names: list[str], meanings: list[str]) -> dict[str, tuple[str, str]]:
+    """Column to meaning and unit: what was said before, else what each may be by its name alone."""
+    roles = {reading.time: TIME, reading.input: INPUT, reading.output: OUTPUT}
+    found: dict[str, tuple[str, str]] = {}
+    for name in names:
+        said = reading.columns.get(name)
+        meaning = roles.get(name) or (said.signal if said is not None else None)
+        if meaning in meanings:
+            found[name] = meaning, _unit_by(meaning, said)
+    taken = {meaning for meaning, _ in found.values()}
+    rest = guessed([name for name in names if name not in found], [one for one in meanings if one not in taken])
+    return found | {name: (meaning, _units(meaning)[0]) for name, meaning in rest.items()}
+
+
+def _unit_by(meaning: str, said: ColumnSettings | None) -> str:
+    """The unit that has this scale and offset."""
+    units = UNITS.get(_unit_of(meaning), {})
+    wanted = (said.scale, said.offset) if said is not None else (1.0, 0.0)
+    return next((unit for unit, factors in units.items() if factors == wanted), _units(meaning)[0])
+
+
+def reading_of(usual: ReadingSettings, meant: dict[str, tuple[str, str]]) -> ReadingSettings:
     """The settings of the command line that say the same: column to meaning and unit."""
     named: dict[str, str] = {}
     settings: dict[str, ColumnSettings] = {}
@@ -99,16 +122,6 @@ def reading_of(usual: Any, meant: dict[str, tuple[str, str]]) -> Any:
     )
 
 
-def columns(path: Path) -> list[str]:
-    """The names in the header of a table; none where the file is no table."""
-    if path.suffix.lower() != ".csv":
-        return []
-    with path.open(encoding="utf-8-sig", errors="replace", newline="") as stream:
-        first = stream.readline()
-    row = next(csv.reader([first], delimiter=max(",;\t", key=first.count), skipinitialspace=True), [])
-    return [name.strip() for name in row if name.strip()]
-
-
 def guessed(names: list[str], meanings: list[str]) -> dict[str, str]:
     """What each column may be by its name alone; each meaning once."""
     found: dict[str, str] = {}
@@ -120,20 +133,6 @@ def guessed(names: list[str], meanings: list[str]) -> dict[str, str]:
         elif alike:
             found[alike[0]] = meaning
     return found
-
-
-def _roles_only(page: Page, paths: tuple[Path, ...]) -> None:
-    usual = page.tools.reading
-    with ui.row().classes("gap-4 items-end"):
-        current = ui.input("Pump current", value=usual.input).props("outlined dense")
-        speed = ui.input("Ground speed", value=usual.output).props("outlined dense")
-
-        def read() -> None:
-            reading = replace(usual, input=current.value, output=speed.value)
-            page.session.open(Source(paths, reading, paths[0].name))
-            page.refresh()
-
-        ui.button("Open it like this", on_click=read).props("unelevated no-caps")
 
 
 def _unit_of(meaning: str) -> str:

@@ -7,7 +7,7 @@ from nicegui import ui
 from cruise.workbench import plots
 from cruise.workbench.found import Card, Diagnosed
 from cruise.workbench.page import Page
-from cruise.workbench.parts import bars, card, figure, heading, legend, nothing_open, speed
+from cruise.workbench.parts import bars, busy, card, figure, heading, legend, nothing_open, row_button, speed
 from cruise.workbench.session import SEARCH, Session
 
 TRIED_SHOWN: Final = 48
@@ -53,7 +53,7 @@ def _progress(page: Page) -> None:
     session = page.session
     with card("Looking"):
         with ui.row().classes("items-center gap-3"):
-            ui.spinner(size="sm")
+            busy()
             ui.label().bind_text_from(session, "job", lambda job: job.told[-1] if job and job.told else "starting")
         tried = ui.element("div").style("display:flex; flex-wrap:wrap; gap:6px")
         chips: dict[str, ui.label] = {}
@@ -87,7 +87,7 @@ def _verdict(page: Page, found: Diagnosed) -> None:
             ui.label(found.sentence).style("font-size:14px").classes("quiet")
         with ui.row().classes("gap-12"):
             figure(speed(found.error_before_mps), "m/s", "error of the model, refitted")
-            if found.verdict != "nothing":
+            if found.explained:
                 figure(speed(found.error_after_mps), "m/s", f"with {found.minute.label}", tone="good")
             floor = found.floor_mps[0] if found.floor_mps[0] == found.floor_mps[0] else found.floor_mps[1]
             figure(speed(floor), "m/s", "noise floor", "No model errs by less: the white part of the measured speed.")
@@ -102,9 +102,7 @@ def _verdict(page: Page, found: Diagnosed) -> None:
         with card("The drive that tells"):
             for sentence in found.next_experiment:
                 ui.label(sentence).classes("measure")
-    with card(
-        "The minute in which it matters most" if found.verdict != "nothing" else "The minute of the best of them"
-    ):
+    with card("The minute in which it matters most" if found.explained else "The minute of the best of them"):
         legend(
             [
                 ("measured", colors.measured, "line"),
@@ -144,15 +142,28 @@ def _verdict(page: Page, found: Diagnosed) -> None:
 
 
 def _row(page: Page, found: Diagnosed, one: Card, place: int) -> None:
-    with ui.expansion().props("dense").classes("w-full") as row:
-        with row.add_slot("header"), ui.row().classes("items-center w-full no-wrap gap-4"):
-            ui.label(one.effect).style("width:170px").classes("strong")
-            ui.label(f"{speed(one.error_after_mps)} m/s").classes("num").style("width:90px; text-align:right")
-            with ui.element("div").style("flex:1; min-width:80px"):
-                bars(max(one.gain, 0.0), page.colors.muted, f"explains {100 * one.gain:.0f} % of the squared error")
-            ui.label(f"explains {max(100 * one.gain, 0):.0f} %").classes("num quiet small").style("width:100px")
-        with ui.column().classes("gap-3 w-full").style("padding:8px 0 16px"):
-            _card(page, found, one, place)
+    with row_button().props("aria-expanded=false") as row, ui.row().classes("items-center w-full no-wrap gap-4"):
+        ui.label(one.effect).style("width:170px").classes("strong")
+        ui.label(f"{speed(one.error_after_mps)} m/s").classes("num").style("width:90px; text-align:right")
+        with ui.element("div").style("flex:1; min-width:80px"):
+            bars(max(one.gain, 0.0), page.colors.muted, f"explains {100 * one.gain:.0f} % of the squared error")
+        ui.label(f"explains {max(100 * one.gain, 0):.0f} %").classes("num quiet small").style("width:100px")
+        mark = ui.icon("expand_more").classes("quiet")
+    inside = ui.column().classes("gap-3 w-full").style("padding:8px 10px 16px")
+    inside.set_visibility(False)
+
+    def turn() -> None:
+        """Open or close it; the charts of what is closed are not there at all."""
+        opened = not inside.visible
+        inside.clear()
+        inside.set_visibility(opened)
+        row.props(f"aria-expanded={str(opened).lower()}")
+        mark.set_name("expand_less" if opened else "expand_more")
+        if opened:
+            with inside:
+                _card(page, found, one, place)
+
+    row.on("click", turn)
 
 
 def _card(page: Page, found: Diagnosed, one: Card, place: int) -> None:

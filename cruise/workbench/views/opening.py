@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+from msgspec import structs
 from nicegui import events, ui
 
 from cruise.identification.structures import PRESETS
@@ -12,7 +13,7 @@ from cruise.workbench.found import Opened, Source
 from cruise.workbench.page import Page
 from cruise.workbench.parts import card, heading
 from cruise.workbench.session import MODEL
-from cruise.workbench.uploads import kept
+from cruise.workbench.uploads import DATABASE, ENDINGS, kept
 from cruise.workbench.views import mapping
 
 FIRST = (MODEL, *(name for name in PRESETS if not name.startswith("narx")))
@@ -32,7 +33,7 @@ def show(page: Page) -> None:
         with card("Bundled, from the virtual combine"):
             for example in EXAMPLES:
                 _example(page, example)
-    if session.asked:
+    if session.asked is not None and not session.busy:
         mapping.show(page, session.asked)
     with card("The model that is compared"):
         _model(page)
@@ -41,34 +42,38 @@ def show(page: Page) -> None:
 
 
 def _upload(page: Page) -> None:
-    tools, session = page.tools, page.session
+    setup, session = page.setup, page.session
 
     async def uploaded(event: events.MultiUploadEventArguments) -> None:
-        paths = [await kept(file, session.folder / "uploads", tools.endings) for file in event.files]
+        paths = [await kept(file, session.folder / "uploads") for file in event.files]
         refused = [file.name for file, path in zip(event.files, paths, strict=True) if path is None]
         if refused:
-            session.fault = f"{', '.join(refused)}: recordings end in {' '.join(tools.endings)}"
-        good = tuple(path for path in paths if path is not None)
+            session.fault = f"{', '.join(refused)}: recordings end in {' '.join(ENDINGS)}"
+        good = tuple(path for path in paths if path is not None and path.suffix.lower() != DATABASE)
+        databases = [str(path) for path in paths if path is not None and path not in good]
         if good and not refused:
             title = good[0].name if len(good) == 1 else f"{good[0].name} and {len(good) - 1} more"
-            session.open(Source(good, tools.reading, title))
+            database = databases[0] if databases else setup.reading.database
+            session.open(Source(good, structs.replace(setup.reading, database=database), title))
+        elif databases and not refused:
+            session.fault = f"{Path(databases[0]).name}: drop it together with the logs that it describes"
         page.refresh()
 
     ui.upload(
         label="Drop files here, or press +",
         multiple=True,
         auto_upload=True,
-        max_file_size=tools.upload_bytes,
+        max_file_size=setup.upload_bytes,
+        max_total_size=setup.upload_bytes,
         on_multi_upload=uploaded,
         on_rejected=lambda: ui.notify(
-            f"Not taken: a recording ends in {' '.join(tools.endings)} and has at most "
-            f"{tools.upload_bytes / 2**20:.0f} MB.",
+            f"Not taken: a recording ends in {' '.join(ENDINGS)} and has at most {setup.upload_bytes / 2**20:.0f} MB.",
             type="warning",
         ),
-    ).props(f'flat accept="{",".join(tools.endings)}" aria-label="recordings"')
+    ).props(f'flat accept="{",".join(ENDINGS)}" aria-label="recordings"')
     ui.label(
-        "Tables (.csv, .parquet), measurements (.mf4), logs of the bus (.log, .asc, .blf, .trc, .db, also .gz). "
-        "Several files are one experiment each and are never joined."
+        "Tables (.csv, .parquet), measurements (.mf4), logs of the bus (.log, .asc, .blf, .trc, .db, also .gz; with "
+        "them their .dbc, if it is not cruise's). Several files are one experiment each and are never joined."
     ).classes("quiet small")
 
 
@@ -161,10 +166,4 @@ def _opened(page: Page, opened: Opened) -> None:
                     ui.label(note).classes("quiet small")
         with ui.row().classes("gap-3 items-center"):
             ui.button("Compare", on_click=lambda: page.go("/compare")).props("unelevated no-caps")
-            ui.button("Change what the columns mean", on_click=page.do(lambda: _ask_columns(page, opened))).props(
-                "flat no-caps"
-            )
-
-
-def _ask_columns(page: Page, opened: Opened) -> None:
-    page.session.asked = opened.source.paths
+            ui.button("Change what the columns mean", on_click=page.do(page.session.ask_columns)).props("flat no-caps")

@@ -14,11 +14,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from cruise.cli import diagnose_evidence as evidence
-from cruise.cli.diagnose_curve import curve
-from cruise.cli.diagnose_evidence import Rung
-from cruise.cli.diagnose_words import figure, sentence
-from cruise.cli.picture import BLUE, GREEN, GREY, ORANGE, RED
+from cruise.report import evidence
+from cruise.report.colours import BLUE, GREEN, GREY, ORANGE, RED
+from cruise.report.curve import curve
+from cruise.report.diagnosis import figure, sentence
+from cruise.report.evidence import Rung
 from cruise.validation.diagnose import UNNAMED, Diagnosis, Verdict
 from cruise.validation.noise_floor import NoiseFloor
 from cruise.validation.search import Judged
@@ -62,7 +62,7 @@ def _shown(found: Diagnosis) -> list[Rung]:
     """The steps that are drawn: those taken; of look-alikes each; where nothing is missing the best that was tried."""
     if found.verdict is Verdict.AMBIGUOUS:
         tried = [evidence.first_tried(found, name) for name in found.effects]
-    elif found.verdict is Verdict.NOTHING:
+    elif not found.explained:
         tried = [evidence.best_named(found)]
     else:
         return evidence.rungs(found)
@@ -81,13 +81,13 @@ def _models(found: Diagnosis, shown: Sequence[Rung]) -> list[tuple[str, Judged, 
     models: list[tuple[str, Judged, dict[str, Any]]] = [
         ("the model as it is", found.base, {"color": ORANGE, "lw": 1.2, "ls": "--"})
     ]
-    if found.verdict in (Verdict.MISSING, Verdict.UNLISTED):
+    if found.explained and found.verdict is not Verdict.AMBIGUOUS:
         added = [name for one in shown for name in one.added]
         models.append((f"with {_called(added)}", found.final, {"color": BLUE, "lw": 1.4}))
         return models
     styles = ({"color": BLUE, "lw": 1.4}, {"color": GREEN, "lw": 1.2, "ls": "-."}, {"color": RED, "lw": 1.0, "ls": ":"})
     for one, style in zip(shown, styles, strict=False):
-        believed = ", not believed" if found.verdict is Verdict.NOTHING else ""
+        believed = "" if found.explained else ", not believed"
         models.append((f"with {_called(one.added)}{believed}", one.after, style))
     return models
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from cruise.cli.picture import BLUE, GREEN, GREY, ORANGE, RED
+from cruise.report.colours import BLUE, GREEN, GREY, ORANGE, RED
 from cruise.validation.comparison import Comparison
 from cruise.validation.noise_floor import NoiseFloor
 from cruise.validation.regimes import HeatMap, Regimes, Table

@@ -171,7 +171,7 @@ def _response(study: Study, before: Judged, after: Judged) -> Curve:
     current_ma = np.where(time_s < 0.0, low, high)
     signals = {name: _typical(values) for name, values in scene.signals.items()}
     with_it, without = (_answer(one.explanation.model(period_s), current_ma, signals) for one in (after, before))
-    words = f"speed (m/s), current {low:.0f} to {high:.0f} mA"
+    words = f"speed after {low:.0f} to {high:.0f} mA (m/s)"
     return Curve(time_s, with_it, None, without, "time after the step", "s", words, None)
 
 

@@ -1,0 +1,161 @@
+"""A diagnosis in words: the verdict, what else it could be, what could have hidden, and what to drive next."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from cruise.effects import EFFECTS
+from cruise.report import evidence
+from cruise.report.evidence import SURE, Number
+from cruise.validation.diagnose import LEAST_GAIN, SEED, UNNAMED, Diagnosis, Tried, Verdict
+from cruise.validation.search import Judged, sureness
+
+
+def sentence(found: Diagnosis) -> str:
+    """The verdict in one plain sentence."""
+    horizon = f"{found.study.horizon_s:g} s ahead"
+    before = _error(found.base)
+    sure = f"(confidence {confidence(found.confidence)})"
+    match found.verdict:
+        case Verdict.MISSING:
+            names, one = _all(found.effects), len(found.effects) == 1
+            after = _error(evidence.known(found))
+            return (
+                f"{names} {'is' if one else 'are'} missing: with {'it' if one else 'them'} the error {horizon} falls "
+                f"from {before} to {after} m/s on data that the fit has not seen {sure}."
+            )
+        case Verdict.NOTHING:
+            share = hidden_share(found)
+            return (
+                f"Nothing is missing: no effect that these recordings can speak of lowers the error {horizon}, "
+                f"{before} m/s, by as much as {100 * (1 - math.sqrt(1 - share)):.0f} % {sure}."
+            )
+        case Verdict.UNLISTED:
+            best = evidence.best_named(found)
+            rival = f"; the best effect, `{best.name}`, leaves {_error(best.judged)}" if best else ""
+            if not found.explained:
+                return (
+                    f"Something is missing that is none of the effects that cruise knows: the recordings foretell "
+                    f"{figure(math.sqrt(found.hidden.loss))} m/s RMS of the error {horizon}, {before} m/s, with a "
+                    f"little of every known effect beside it, most of it by {_all(found.signals)}{rival} {sure}."
+                )
+            return (
+                f"Something is missing that is none of the effects that cruise knows: a free curve of "
+                f"{_all(found.signals)} lowers the error {horizon} from {before} to "
+                f"{_error(found.final)} m/s on data that the fit has not seen{rival} {sure}."
+            )
+    trials = [evidence.first_tried(found, name) for name in found.effects]
+    after = " or ".join(_error(one.judged) for one in trials if one is not None)
+    return (
+        f"{_all(found.effects, 'or')} is missing, and these recordings can't tell which: the error {horizon} falls "
+        f"from {before} to {after} m/s on data that the fit has not seen {sure}."
+    )
+
+
+def confidence(value: float) -> str:
+    """Two digits, and never 1 or 0."""
+    if value > 0.99:
+        return "> 0.99"
+    return "< 0.01" if value < 0.01 else f"{value:.2f}"
+
+
+def hidden_share(found: Diagnosis) -> float:
+    """The share of the squared error that an effect could explain without being named."""
+    best = found.steps[0].tried[0].gain if found.steps[0].tried else 0.0
+    return max(LEAST_GAIN, min(best, 1.0))
+
+
+def look_alikes(found: Diagnosis) -> list[str]:
+    """What could be taken for the verdict, and why it lost or can't be told apart."""
+    if not found.effects:
+        return []
+    told = []
+    for name in found.effects:
+        apart = next((alike[1:] for alike in found.look_alikes if alike[0] == name), ())
+        mine = _step_of(found, name)
+        others = dict.fromkeys((*apart, *_runner_up(found, name), *EFFECTS[name].about.look_alikes))
+        for other in others:
+            if other in found.effects and other not in apart:
+                continue
+            told.append(f"`{name}` or `{other}`: {_against(found, mine, other, other in apart)}")
+    return told
+
+
+def _step_of(found: Diagnosis, name: str) -> dict[str, Tried]:
+    """Everything that was tried in the step at which an effect was found."""
+    steps = [step for step in found.steps if step.tried and step.tried[0].name == name]
+    return {one.name: one for one in (steps or found.steps)[0].tried} | {"": _mine(found, name)}
+
+
+def _mine(found: Diagnosis, name: str) -> Tried:
+    steps = [step for step in found.steps if step.tried and step.tried[0].name == name]
+    return next(one for one in (steps or found.steps)[0].tried if one.name == name)
+
+
+def _runner_up(found: Diagnosis, name: str) -> list[str]:
+    tried = [one for one in _step_of(found, name) if one and one != name and one not in found.effects]
+    return [one for one in tried if not one.startswith(UNNAMED)][:1]
+
+
+def _against(found: Diagnosis, tried: dict[str, Tried], other: str, alike: bool) -> str:
+    if other not in tried:
+        reasons = {one.effect: one.reason for one in found.refused}
+        return f"not ruled out, {reasons[other]}" if other in reasons else "the model has it already"
+    mine, its = tried[""], tried[other]
+    errors = f"{_error(its.judged)} m/s against {_error(mine.judged)}"
+    if alike:
+        return f"can't be told apart, {errors}"
+    apart = sureness(its.judged, mine.judged, np.random.default_rng(SEED))
+    moved = f"; it answers to the drive itself and counts for {100 * its.credit:.0f} %" if its.credit < 1.0 else ""
+    if apart < SURE:
+        return f"leaves {errors}, too close for the errors to decide ({apart:+.1f} standard errors){moved}"
+    return f"leaves {errors}, {apart:.1f} standard errors apart{moved}"
+
+
+def _error(judged: Judged) -> str:
+    return figure(evidence.error_mps(judged))
+
+
+def figure(value: float) -> str:
+    """Three digits, all of them where there are more: 0.00680, 161, 1250; a dash for what is no number."""
+    if not math.isfinite(value):
+        return "-"
+    return f"{value:.0f}" if abs(value) >= 1000.0 else f"{value:#.3g}".rstrip(".")
+
+
+def span(one: Number) -> str:
+    """The plausible range of a number."""
+    if math.isfinite(one.high - one.low):
+        return f"{one.low:g} to {one.high:g}"
+    return "above 0" if one.low == 0.0 else "any"
+
+
+def _all(names: Sequence[str], word: str = "and") -> str:
+    quoted = [f"`{name}`" for name in names]
+    return f" {word} ".join([", ".join(quoted[:-1]), quoted[-1]]) if len(quoted) > 1 else "".join(quoted)
+
+
+def hidden(found: Diagnosis) -> list[str]:
+    """What could be there without having been named, and how large the best candidates are at their best fit."""
+    share, before = hidden_share(found), evidence.error_mps(found.base)
+    said = [
+        f"an effect that moves the speed {found.study.horizon_s:g} s ahead by less than "
+        f"{figure(math.sqrt(share) * before)} m/s RMS would not have been named"
+    ]
+    for one in found.ranking[:3]:
+        trial = evidence.first_tried(found, one.effect)
+        if trial is None:
+            continue
+        size = float(np.sqrt(np.nanmean((found.base.fit.error_mps - trial.judged.fit.error_mps) ** 2)))
+        fitted = evidence.numbers_of(one.effect, evidence.numbers(found.study, trial.judged))
+        shape = ", ".join(f"{n.name} {figure(n.value)} ± {figure(n.std)} {n.unit}".rstrip(" -") for n in fitted)
+        said.append(f"`{one.effect}` at its best fit moves it by {figure(size)} m/s ({shape})")
+    return said
+
+
+def experiments(found: Diagnosis) -> list[str]:
+    """The drives that would tell what is still open."""
+    if found.verdict is Verdict.AMBIGUOUS:
+        return [f"`{name}`: {EFFECTS[name].about.experiment}" for name in found.effects]
+    return [found.next_experiment] if found.next_experiment else []

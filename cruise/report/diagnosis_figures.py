@@ -1,0 +1,125 @@
+"""A diagnosis in figures, under stable names: what `cruise diagnose --json` prints."""
+
+import math
+from typing import Any, Final
+
+from cruise.recording import notes_of
+from cruise.report import evidence
+from cruise.report.curve import curve
+from cruise.report.evidence import Number
+from cruise.validation.diagnose import SEED, UNNAMED, Diagnosis
+
+CURVE_SHOWN: Final = 9  # points of a curve
+
+
+def report(found: Diagnosis, model: str, structure: str) -> dict[str, Any]:
+    """The verdict as the design has it, then what it rests on; what is no number is null, so that it is JSON."""
+    final, base = evidence.known(found), found.base
+    numbers = evidence.numbers(found.study, final)
+    return {
+        "verdict": found.verdict.value,
+        "effects": list(found.effects),
+        "signals": list(found.signals),
+        "ranking": [
+            {
+                "effect": one.effect,
+                "error_before_mps": _number(one.error_before_mps),
+                "error_after_mps": _number(one.error_after_mps),
+                "confidence": _number(one.confidence),
+            }
+            for one in found.ranking
+        ],
+        "look_alikes": [list(alike) for alike in found.look_alikes],
+        "next_experiment": found.next_experiment,
+        "confidence": _number(found.confidence),
+        "error_before_mps": _number(evidence.error_mps(base)),
+        "error_after_mps": _number(evidence.error_mps(final)),
+        "foretold": {
+            "share": _number(found.hidden.share),
+            "error_mps": _number(math.sqrt(found.hidden.loss)),
+            "signals": list(found.hidden.signals),
+        },
+        "horizon_s": found.study.horizon_s,
+        "model": model,
+        "structure": structure,
+        "recordings": [one.source for one in found.study.recordings],
+        "samples": sum(len(one) for one in found.study.recordings),
+        "period_s": found.study.period_s,
+        "notes": notes_of(found.study.recordings),
+        "refused": [{"effect": one.effect, "reason": one.reason} for one in found.refused],
+        "parameters": {
+            name: [_figures(one) for one in evidence.numbers_of(name, numbers)]
+            for name in evidence.members(final.explanation)
+            if name not in evidence.members(base.explanation)
+        },
+        "moved": [
+            {
+                "of": one.before.owner,
+                "name": one.before.name,
+                "unit": one.before.unit,
+                "before": _number(one.before.value),
+                "before_standard_error": _number(one.before.std),
+                "after": _number(one.after.value),
+                "after_standard_error": _number(one.after.std),
+            }
+            for one in evidence.moved(evidence.numbers(found.study, base), numbers)
+        ],
+        "steps": [
+            {
+                "added": list(one.added),
+                "dropped": list(one.dropped),
+                "error_before_mps": _number(one.error_before_mps),
+                "error_after_mps": _number(one.error_after_mps),
+            }
+            for one in evidence.rungs(found)
+        ],
+        "tried": [
+            {
+                "effect": one.name,
+                "gain": _number(one.gain),
+                "standard_errors": _number(one.sureness),
+                "evidence": _number(one.evidence),
+                "counts": one.credit,
+            }
+            for one in found.steps[0].tried
+        ],
+        "dependence": _dependence(found),
+        "seed": SEED,
+    }
+
+
+def _figures(one: Number) -> dict[str, Any]:
+    return {
+        "name": one.name,
+        "value": _number(one.value),
+        "standard_error": _number(one.std),
+        "unit": one.unit,
+        "low": _number(one.low),
+        "high": _number(one.high),
+        "plausible": one.plausible,
+        "remark": one.remark,
+    }
+
+
+def _dependence(found: Diagnosis) -> list[dict[str, Any]]:
+    """The curve of every dependence that no effect describes."""
+    result = []
+    for name in evidence.members(found.final.explanation):
+        if name.startswith(UNNAMED):
+            drawn = curve(found.study, found.base, found.final, name)
+            picked = slice(None, None, max(len(drawn.x) // CURVE_SHOWN, 1))
+            std = drawn.std if drawn.std is not None else drawn.y * math.nan
+            result.append(
+                {
+                    "signal": name.removeprefix(UNNAMED),
+                    "of": drawn.y_words,
+                    "values": drawn.x[picked].tolist(),
+                    "curve": drawn.y[picked].tolist(),
+                    "standard_error": [_number(value) for value in std[picked].tolist()],
+                }
+            )
+    return result
+
+
+def _number(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None

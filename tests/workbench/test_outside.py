@@ -1,0 +1,32 @@
+"""A workbench that others than this machine may reach."""
+
+from urllib.error import HTTPError
+from urllib.request import Request, urlopen
+
+import pytest
+
+pytest.importorskip("nicegui", reason="the extra workbench is not installed")
+pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+
+from tools.page.served import served
+
+TOKEN = "a-token-of-the-test"
+
+
+def answer(address: str, cookie: str = "") -> int:
+    """The status of a request."""
+    try:
+        with urlopen(Request(address, headers={"Cookie": cookie}), timeout=20) as found:
+            return found.status
+    except HTTPError as error:
+        return error.code
+
+
+def test_bound_to_every_address_it_asks_everybody_for_the_token(cache, tmp_path, monkeypatch):
+    monkeypatch.setenv("CRUISE_TOKEN", TOKEN)
+    with served(cache, tmp_path / "said.txt", ["--host", "0.0.0.0"]) as address:
+        assert answer(address) == 401
+        assert answer(f"{address}/?token=guess") == 401
+        assert answer(f"{address}/_nicegui/client/1/upload/1") == 401
+        assert answer(f"{address}/?token={TOKEN}") == 200
+        assert answer(address, f"cruise_workbench={TOKEN}") == 200

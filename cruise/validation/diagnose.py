@@ -41,6 +41,7 @@ SUPERFLUOUS: Final = 0.5  # of ENOUGH: what an effect must still bring beside th
 MOST_EFFECTS: Final = 4
 MOST_STEPS: Final = 8  # two effects that drop each other would go on for ever
 ALIKE: Final = 20.0  # evidence below which no form of a model is exact enough to decide,
+CLOSE: Final = 0.05  # likewise, of the evidence,
 LOOSE: Final = 1.2  # unless the loss decides
 HALF_MARGIN: Final = 12.0  # margin taken to be as often right as wrong: by eye, not yet by tools/blind_trial calibrate
 STEEPNESS: Final = 1.3  # likewise
@@ -212,9 +213,10 @@ def _forward(
         step = _tried(study, present, [*possible, *curves], chosen, rng, show)
         present = step.before
         steps.append(step)
-        best = next((one for one in step.tried if not one.name.startswith(UNNAMED) and _enough(one)), None)
-        if best is None:
+        enough = [one for one in step.tried if not one.name.startswith(UNNAMED) and _enough(one)]
+        if not enough:
             break
+        best = min((one for one in enough if _close(enough[0], one)), key=lambda one: one.judged.loss)
         small = (
             best.counted < FURTHER
             or best.gain < LEAST_FURTHER
@@ -319,6 +321,19 @@ def _enough(one: Tried) -> bool:
     return one.gain >= LEAST_GAIN and (more or (one.counted > 0.0 and one.sureness >= BEYOND_DOUBT))
 
 
+def _close(first: Tried, one: Tried) -> bool:
+    """Whether the evidence of the first, which has most, is too little more than another's to decide."""
+    return one.counted >= first.counted - max(ALIKE, CLOSE * first.counted)
+
+
+def _ahead(mine: Tried, other: Tried) -> float:
+    """Evidence for one above that for another, both as they count; where it is close, the loss may say more."""
+    counted = mine.counted - other.counted
+    if not _close(max(mine, other, key=_counted), min(mine, other, key=_counted)):
+        return counted
+    return max(counted, ALIKE * math.log(max(other.judged.loss / mine.judged.loss, LEAST_LEFT)) / math.log(LOOSE))
+
+
 @dataclass(frozen=True)
 class Place:
     """A chosen effect against all others in its place."""
@@ -358,7 +373,7 @@ def _place(
         and one.judged.loss < LOOSE * mine.judged.loss
     )
     rivals = [one for one in others if one.gain >= LEAST_GAIN]
-    return Place(name, min((mine.counted - one.counted for one in rivals), default=ENOUGH), alike)
+    return Place(name, min((_ahead(mine, one) for one in rivals), default=ENOUGH), alike)
 
 
 def _margin_of_the_end(steps: Sequence[Step], chosen: Sequence[str]) -> float:

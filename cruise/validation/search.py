@@ -28,6 +28,8 @@ DAMPING: Final = 1e-3  # of the diagonal, in the step to a fold's parameters: di
 PARTS: Final = (1.0, 0.3)  # of that step, or none: the errors are not quite linear in the parameters
 MOST_STARTS: Final = 3  # from which fits of one candidate begin
 NEARLY: Final = 1.2  # times what the best start leaves, to first order, that another may leave
+UNMOVED: Final = 1e-6  # of what is left: a start that changes no more is none
+TOLD: Final = 0.99  # of what is left without the candidate, from which on a promise is worth following
 LOAD_MPS: Final = 0.1  # m/s of steady speed per unit of a load, to see where it acts
 SAME: Final = 1e-3  # relative difference of what two starts leave, below which they are as good
 LEAST_STRENGTH, MOST_STRENGTH = 0.02, 0.7  # of the weakest start, to which it is weakened where its error asks for it
@@ -91,10 +93,13 @@ class Search:
 
     def begun(self, explanation: Explanation, candidate: Candidate) -> Fit:
         """A few steps from the starts that promise most; from further ones only while nothing is gained."""
-        options, before = self._promising(explanation, list(candidate.grown(explanation)))
+        promising, before = self._promising(explanation, list(candidate.grown(explanation)))
+        left = before * max(int(self.scene.judged.sum()), 1)
+        options = [one for one in promising if abs(one[0] - left) > UNMOVED * left] or promising
+        told = options[0][0] < TOLD * left  # else first order says nothing: a stop just beyond all currents
         fits: list[Fit] = []
         for promise, option in options:
-            gained = any(one.cost < before for one in fits)
+            gained = told and any(one.cost < before for one in fits)
             if len(fits) == MOST_STARTS or (gained and promise > NEARLY * options[0][0]):
                 break
             fits.append(self.fitted(option, candidate.longest_delay_s, QUICK_STEPS))

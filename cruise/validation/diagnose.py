@@ -43,8 +43,8 @@ MOST_STEPS: Final = 8  # two effects that drop each other would go on for ever
 ALIKE: Final = 20.0  # evidence below which no form of a model is exact enough to decide,
 CLOSE: Final = 0.05  # likewise, of the evidence,
 LOOSE: Final = 1.2  # unless the loss decides
-HALF_MARGIN: Final = 12.0  # margin taken to be as often right as wrong: by eye, not yet by tools/blind_trial calibrate
-STEEPNESS: Final = 1.3  # likewise
+HALF_MARGIN: Final = 2.0  # margin as often right as wrong: tools/blind_trial calibrate, 145 drives of both tiers
+STEEPNESS: Final = 0.44  # likewise
 LEAST_MARGIN: Final = 1.0  # where another does better in its place: seldom right, and not never
 FINISHED: Final = 10  # candidates whose fits are carried to their end; the others are far off after a few steps
 RESTARTED: Final = 3  # of them, that are fitted once more from another core
@@ -191,7 +191,7 @@ def _excess(hidden: Foretold, base: Judged, final: Judged) -> float:
 
 
 def confidence_of(margin: float) -> float:
-    """Confidence of a margin m, 1 / (1 + (M / m)^k); M and k are set by eye until blind trials have fitted them."""
+    """Confidence of a margin m, 1 / (1 + (M / m)^k); M and k as blind trials have it."""
     return 1.0 / (1.0 + (HALF_MARGIN / max(margin, LEAST_MARGIN)) ** STEEPNESS)
 
 

@@ -20,6 +20,7 @@ from cruise.signals import INPUT, OUTPUT
 from cruise.validation.diagnose import Diagnosis, Verdict, diagnose
 from cruise.validation.noise_floor import Bound, NoiseFloor
 from cruise.validation.study import study
+from tools.trial.run import table_without
 
 MODEL = "arx:na=1,nb=3,delay_s=0.5"
 DT_S, SECONDS = 0.1, 240.0
@@ -62,9 +63,7 @@ def found_in(recording: Recording, model: str = MODEL) -> Diagnosis:
 @pytest.fixture(scope="module", autouse=True)
 def few():
     """Fewer effects are tried, for speed; those that lack a signal cost nothing."""
-    with pytest.MonkeyPatch.context() as patch:
-        for name in [name for name, kind in EFFECTS.items() if not kind.needs and name not in TRIED]:
-            patch.delitem(EFFECTS, name)
+    with table_without([name for name, kind in EFFECTS.items() if not kind.needs and name not in TRIED]):
         yield
 
 

@@ -20,6 +20,7 @@ from cruise.validation.diagnose import (
 from cruise.validation.foretold import CHANCE
 from cruise.validation.study import Study, study
 from tests.validation.driving import GRAVITY_MPS2, drive, wander
+from tools.trial.run import table_without
 
 SECONDS, DT_S, PERIOD_S = 160.0, 0.1, 0.2
 SAMPLES = round(SECONDS / DT_S)
@@ -199,16 +200,15 @@ def test_a_gain_that_is_not_sure_is_not_named(grade, monkeypatch):
     assert one.steps[0].tried[0].gain == grade.steps[0].tried[0].gain > LEAST_GAIN
 
 
-def test_a_memory_of_the_current_that_no_effect_has_is_unlisted(monkeypatch):
-    monkeypatch.delitem(EFFECTS, "hysteresis")  # nobody had written it
-
+def test_a_memory_of_the_current_that_no_effect_has_is_unlisted():
     def play(current_ma: np.ndarray) -> np.ndarray:
         result = current_ma.copy()
         for i in range(1, len(current_ma)):
             result[i] = min(max(result[i - 1], current_ma[i] - 60.0), current_ma[i] + 60.0)
         return result
 
-    one = found(command=play)
+    with table_without(["hysteresis"]):
+        one = found(command=play)
     assert one.verdict is Verdict.UNLISTED
     assert one.signals[0] == "pump_current_ma"
     assert one.effects == ()

@@ -19,9 +19,11 @@ from cruise.report.curve import curve
 from cruise.report.diagnosis import confidence, experiments, figure, hidden, look_alikes, sentence, span
 from cruise.report.effect import physics, what
 from cruise.report.evidence import SURE, Number
-from cruise.validation.diagnose import ENOUGH, SEED, UNNAMED, Diagnosis, Verdict
+from cruise.validation.candidates import UNNAMED
+from cruise.validation.diagnose import SEED, Diagnosis, Verdict
 from cruise.validation.noise_floor import NoiseFloor
 from cruise.validation.search import Judged
+from cruise.validation.trying import ENOUGH
 
 WIDTH: Final = 80
 LINES: Final = 8  # of the ranking; --json has them all

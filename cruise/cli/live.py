@@ -21,7 +21,9 @@ REFRESH_S = 0.2  # s of simulated time between two pictures
 STYLES = {
     "off": "dim",
     "standby": "yellow",
+    "engaging": "green",
     "engaged": "bold green",
+    "overridden": "bold yellow",
     "fault": "bold red",
     "commissioning": "bold magenta",
 }

@@ -15,8 +15,7 @@ import numpy as np
 from cruise.effects import Effect, Stage, over
 from cruise.model.model import Model
 from cruise.signals import INPUT, OUTPUT, SIGNALS
-from cruise.validation.candidates import owner
-from cruise.validation.diagnose import UNNAMED
+from cruise.validation.candidates import UNNAMED, owner
 from cruise.validation.explanation import Explanation
 from cruise.validation.search import Judged
 from cruise.validation.study import Study

@@ -8,8 +8,10 @@ import numpy as np
 from cruise.effects import EFFECTS
 from cruise.report import evidence
 from cruise.report.evidence import SURE, Number
-from cruise.validation.diagnose import LEAST_GAIN, SEED, UNNAMED, Diagnosis, Tried, Verdict
+from cruise.validation.candidates import UNNAMED
+from cruise.validation.diagnose import SEED, Diagnosis, Verdict
 from cruise.validation.search import Judged, sureness
+from cruise.validation.trying import LEAST_GAIN, Tried
 
 
 def sentence(found: Diagnosis) -> str:

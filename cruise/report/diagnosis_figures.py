@@ -7,7 +7,8 @@ from cruise.recording import notes_of
 from cruise.report import evidence
 from cruise.report.curve import curve
 from cruise.report.evidence import Number
-from cruise.validation.diagnose import SEED, UNNAMED, Diagnosis
+from cruise.validation.candidates import UNNAMED
+from cruise.validation.diagnose import SEED, Diagnosis
 
 CURVE_SHOWN: Final = 9  # points of a curve
 

@@ -19,7 +19,8 @@ from cruise.report.colours import BLUE, GREEN, GREY, ORANGE, RED
 from cruise.report.curve import curve
 from cruise.report.diagnosis import figure, sentence
 from cruise.report.evidence import Rung
-from cruise.validation.diagnose import UNNAMED, Diagnosis, Verdict
+from cruise.validation.candidates import UNNAMED
+from cruise.validation.diagnose import Diagnosis, Verdict
 from cruise.validation.noise_floor import NoiseFloor
 from cruise.validation.search import Judged
 

@@ -10,12 +10,13 @@ import numpy as np
 
 from cruise.model import prediction
 from cruise.recording import Recording
-from cruise.validation.candidates import owner
-from cruise.validation.diagnose import UNNAMED, Diagnosis, Tried
+from cruise.validation.candidates import UNNAMED, owner
+from cruise.validation.diagnose import Diagnosis
 from cruise.validation.explanation import CORE, RESONANCE, Explanation
 from cruise.validation.noise_floor import NoiseFloor, noise_floor
 from cruise.validation.search import Judged
 from cruise.validation.study import Study
+from cruise.validation.trying import Tried
 
 AT_BOUND: Final = 1e-3  # of the range between the bounds: a solver that stays inside comes no closer
 SURE: Final = 2.0  # standard errors

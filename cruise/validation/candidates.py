@@ -38,6 +38,10 @@ BLIND: Final[Mapping[str, float]] = {"engine_load_pct": 0.6, "line_pressure_bar"
 """The same for a dependence without physics on what the drive itself moves: it would read the answer off it."""
 
 
+UNNAMED: Final = "unnamed:"
+"""Before the signal of a dependence without physics, in the names of candidates."""
+
+
 class Candidate(Protocol):
     """Something that could be missing."""
 
@@ -240,7 +244,7 @@ def owner(effect: Effect) -> str:
 
 
 def _unnamed(signal: str) -> str:
-    return f"unnamed:{PITCH if signal == SLOPE else signal}"
+    return f"{UNNAMED}{PITCH if signal == SLOPE else signal}"
 
 
 def _with_effects(explanation: Explanation, effects: Sequence[Effect]) -> Explanation:

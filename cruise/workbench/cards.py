@@ -10,8 +10,10 @@ from cruise.report import diagnosis, diagnosis_picture, evidence
 from cruise.report.curve import curve
 from cruise.report.diagnosis import figure
 from cruise.report.effect import physics, what
-from cruise.validation.diagnose import UNNAMED, Diagnosis, Tried, Verdict
+from cruise.validation.candidates import UNNAMED
+from cruise.validation.diagnose import Diagnosis, Verdict
 from cruise.validation.search import Judged
+from cruise.validation.trying import Tried
 from cruise.workbench.found import Card, Curve, Minute, Number, Signature
 
 CARDS: Final = 6  # candidates that are shown with their evidence

@@ -19,7 +19,6 @@ from cruise import settings as strict
 from cruise.can.bus import open_bus
 from cruise.can.frame import Frame
 from cruise.can.log import LogWriter
-from cruise.control.engagement import State
 from cruise.estimation.gate import Gate
 from cruise.plant import PlantSettings
 from cruise.service import course, demo
@@ -87,7 +86,7 @@ class Live:
         if self.rows and now_s - self.rows[-1].time_s < EVERY_S - 1e-6:
             return
         status = node.status(now_s)
-        engaged = status.state is State.ENGAGED
+        engaged = status.state.controls
         errors = status.rms_ahead_mps
         self.status = status
         self.rows.append(

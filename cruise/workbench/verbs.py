@@ -37,8 +37,8 @@ from cruise.service.recordings import read_recording
 from cruise.service.recordings.names import names_in
 from cruise.settings import SettingsError
 from cruise.validation import comparison, ladder
+from cruise.validation.candidates import UNNAMED
 from cruise.validation.comparison import Comparison
-from cruise.validation.diagnose import UNNAMED
 from cruise.validation.diagnose import diagnose as search
 from cruise.validation.noise_floor import NoiseFloor
 from cruise.validation.regimes import HeatMap

@@ -6,19 +6,12 @@ import pytest
 from cruise.effects import EFFECTS
 from cruise.effects.dead_zone import DeadZone
 from cruise.identification.structures import parse
-from cruise.validation.diagnose import (
-    ALIKE,
-    HALF_MARGIN,
-    LEAST_FORETOLD,
-    LEAST_GAIN,
-    UNNAMED,
-    Diagnosis,
-    Verdict,
-    confidence_of,
-    diagnose,
-)
+from cruise.validation.candidates import UNNAMED
+from cruise.validation.confidence import HALF_MARGIN, LEAST_FORETOLD, confidence_of
+from cruise.validation.diagnose import Diagnosis, Verdict, diagnose
 from cruise.validation.foretold import CHANCE
 from cruise.validation.study import Study, study
+from cruise.validation.trying import ALIKE, LEAST_GAIN
 from tests.validation.driving import GRAVITY_MPS2, drive, wander
 from tools.trial.run import table_without
 
@@ -192,9 +185,7 @@ def test_two_signals_that_move_as_one_are_not_told_apart():
 
 def test_a_gain_that_is_not_sure_is_not_named(grade, monkeypatch):
     for name in ("SURE", "BEYOND_DOUBT"):
-        monkeypatch.setattr(
-            f"cruise.validation.diagnose.{name}", 2.0 * max(one.sureness for one in grade.steps[0].tried)
-        )
+        monkeypatch.setattr(f"cruise.validation.trying.{name}", 2.0 * max(one.sureness for one in grade.steps[0].tried))
     one = diagnose(grade.study)
     assert one.verdict is Verdict.NOTHING
     assert one.steps[0].tried[0].gain == grade.steps[0].tried[0].gain > LEAST_GAIN

@@ -1,0 +1,41 @@
+"""How sure a verdict is: the least margin by which anything in the search might have gone the other way."""
+
+from typing import Final
+
+from cruise.validation.candidates import UNNAMED
+from cruise.validation.foretold import CHANCE, Foretold
+from cruise.validation.search import Judged
+from cruise.validation.selection import FURTHER, LEAST_FURTHER, Selected, curved_over
+from cruise.validation.trying import BEYOND_DOUBT, ENOUGH, LEAST_GAIN
+
+LEAST_FORETOLD: Final = 0.1  # of the first loss, that the catch-all must foretell for something to be missing,
+LEAST_BESIDE: Final = 0.5  # and of what the named effects explain, for them to be no more than substitutes
+HALF_MARGIN: Final = 2.0  # margin as often right as wrong: tools/blind_trial calibrate, 145 drives of both tiers
+STEEPNESS: Final = 0.44  # likewise
+LEAST_MARGIN: Final = 1.0  # where another does better in its place: seldom right, and not never
+
+
+def excess(hidden: Foretold, base: Judged, final: Judged) -> float:
+    """What the catch-all foretells, over what it has to for something unlisted to be missing."""
+    least = max(LEAST_FORETOLD * base.loss, LEAST_BESIDE * (base.loss - final.loss))
+    return min(hidden.share / CHANCE, hidden.loss / least)
+
+
+def confidence_of(margin: float) -> float:
+    """Confidence of a margin m, 1 / (1 + (M / m)^k); M and k as blind trials have it."""
+    return 1.0 / (1.0 + (HALF_MARGIN / max(margin, LEAST_MARGIN)) ** STEEPNESS)
+
+
+def margin_of_the_end(found: Selected) -> float:
+    """Evidence by which the search was short of going on or of ending earlier; for a curve, by which it has a say."""
+    first, last = found.steps[0].tried, found.steps[-1].tried
+    if found.curved:
+        mine = next(one for one in first if one.name == found.chosen[0])
+        named = [one.counted for one in first if not one.name.startswith(UNNAMED)]
+        return mine.counted - curved_over(mine) - max(named, default=0.0)
+    enough, least = (FURTHER, LEAST_FURTHER) if found.chosen else (ENOUGH, LEAST_GAIN)
+    rest = [one for one in last if one.name not in found.chosen and not one.name.startswith(UNNAMED)]
+    short = [max(enough - one.counted, enough * (1.0 - max(one.gain, 0.0) / least)) for one in rest]
+    chosen = [next(one for step in found.steps for one in step.tried if one.name == name) for name in found.chosen]
+    over = [one.counted - ENOUGH for one in chosen if one.sureness < BEYOND_DOUBT]
+    return max(min([*short, *over], default=enough), LEAST_MARGIN)

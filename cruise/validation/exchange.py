@@ -1,0 +1,49 @@
+"""Each chosen effect is exchanged for every other one: those that do as well can't be told apart on the recordings."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from cruise.validation.candidates import UNNAMED, candidates, without
+from cruise.validation.selection import Selected
+from cruise.validation.study import Study
+from cruise.validation.trying import ALIKE, ENOUGH, LEAST_GAIN, LOOSE, Show, ahead, tried_beside
+
+RIVALS: Final = 6  # alternatives for which an effect is exchanged once all are together
+
+
+@dataclass(frozen=True)
+class Place:
+    """A chosen effect against all others in its place."""
+
+    name: str
+    margin: float  # evidence for it above that for the best other, both as they count
+    alike: tuple[str, ...]  # effects that do as well
+
+
+def exchanged(study: Study, name: str, found: Selected, rng: np.random.Generator, show: Show) -> Place:
+    """The effect against the best of the others, the rest of the model as it is in the end."""
+    if len(found.chosen) == 1:
+        tried = found.steps[0].tried
+    else:
+        rest = without(found.final.explanation, name)
+        before = study.search.judged("", study.search.fitted(rest))
+        step = next(one for one in found.steps if any(tried.name == name for tried in one.tried))
+        best = [one.name for one in step.tried if one.name not in found.chosen and not one.name.startswith(UNNAMED)][
+            :RIVALS
+        ]
+        possible, _ = candidates(study.recordings, rest)
+        rivals = [one for one in possible if one.name in (name, *best)]
+        tried = tried_beside(study, before, rivals, [one for one in found.chosen if one != name], rng, show).tried
+    mine = next(one for one in tried if one.name == name)
+    others = [one for one in tried if one is not mine and not one.name.startswith(UNNAMED)]
+    alike = tuple(
+        one.name
+        for one in others
+        if one.gain >= LEAST_GAIN
+        and one.counted > max(mine.counted - ALIKE, ENOUGH)
+        and one.judged.loss < LOOSE * mine.judged.loss
+    )
+    rivals = [one for one in others if one.gain >= LEAST_GAIN]
+    return Place(name, min((ahead(mine, one) for one in rivals), default=ENOUGH), alike)

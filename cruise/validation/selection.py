@@ -1,0 +1,90 @@
+"""Stepwise selection: the best effect is added while it brings enough; what it makes superfluous is dropped again."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from cruise.validation.candidates import UNNAMED, Refused, candidates, unnamed, without
+from cruise.validation.search import Judged
+from cruise.validation.study import Study
+from cruise.validation.trying import ENOUGH, Show, Step, Tried, close, counted, enough, held_out, tried_beside
+
+FURTHER: Final = 75.0  # evidence from which a further effect is one, as no form of the first is exact,
+LEAST_FURTHER: Final = 0.25  # likewise, of the present loss,
+LEAST_SHARE: Final = 0.01  # and of the first loss
+LEAST_CURVED: Final = 0.45  # of the loss, that a free curve must explain to have the word
+CURVED: Final = (60.0, 0.05)  # evidence, and share of it, by which a free curve must exceed all effects
+SUPERFLUOUS: Final = 0.5  # of ENOUGH: what an effect must still bring beside the others
+MOST_EFFECTS: Final = 4
+MOST_STEPS: Final = 8  # two effects that drop each other would go on for ever
+
+
+@dataclass(frozen=True, eq=False)
+class Selected:
+    """Every step of the selection and what came of it."""
+
+    steps: tuple[Step, ...]
+    chosen: tuple[str, ...]  # names of effects, in order, or of one curve
+    final: Judged
+    refused: tuple[Refused, ...]
+
+    @property
+    def curved(self) -> bool:
+        """Whether a curve without physics has the word."""
+        return bool(self.chosen) and self.chosen[0].startswith(UNNAMED)
+
+
+def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
+    """Add the best effect while it brings enough; after each, drop what it makes superfluous.
+
+    A curve without physics for which there is much more evidence than for all effects together has the word in the end.
+    """
+    search, present = study.search, study.base
+    steps: list[Step] = []
+    chosen: list[str] = []
+    refused: list[Refused] = []
+    while len(chosen) < MOST_EFFECTS and len(steps) < MOST_STEPS:
+        possible, cannot = candidates(study.recordings, present.explanation)
+        refused = refused or cannot
+        curves = unnamed(study.recordings, present.explanation) if not steps else []
+        step = tried_beside(study, present, [*possible, *curves], chosen, rng, show)
+        present = step.before
+        steps.append(step)
+        worthy = [one for one in step.tried if not one.name.startswith(UNNAMED) and enough(one)]
+        if not worthy:
+            break
+        best = min((one for one in worthy if close(worthy[0], one)), key=lambda one: one.judged.loss)
+        small = (
+            best.counted < FURTHER
+            or best.gain < LEAST_FURTHER
+            or present.loss - best.judged.loss < LEAST_SHARE * steps[0].before.loss
+        )
+        if chosen and small:
+            break
+        chosen.append(best.name)
+        present = best.judged
+        for name in chosen[:-1]:
+            other = search.judged("", search.fitted(without(present.explanation, name)))
+            held = [one for one in chosen if one != name]
+            if together(steps[0], present, chosen) - together(steps[0], other, held) < SUPERFLUOUS * ENOUGH:
+                chosen.remove(name)
+                present = other
+    curve = max((one for one in steps[0].tried if one.name.startswith(UNNAMED)), key=counted, default=None)
+    if curve is not None and curve.gain >= LEAST_CURVED and enough(curve):
+        named = [one.counted for one in steps[0].tried if not one.name.startswith(UNNAMED)]
+        all_of_them = together(steps[0], present, chosen) if chosen else 0.0
+        if max(all_of_them, *named) < curve.counted - curved_over(curve):
+            return Selected(tuple(steps), (curve.name,), curve.judged, tuple(refused))
+    return Selected(tuple(steps), tuple(chosen), present, tuple(refused))
+
+
+def together(first: Step, one: Judged, names: Sequence[str]) -> float:
+    """Evidence for several effects at once, against the model as it was first."""
+    return first.background.evidence_of(one.fit, names) + held_out(first.before, one)
+
+
+def curved_over(one: Tried) -> float:
+    """Evidence by which a curve must exceed all effects."""
+    return CURVED[0] + CURVED[1] * one.counted

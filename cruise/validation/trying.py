@@ -1,0 +1,147 @@
+"""Everything that could be missing, tried beside an explanation: fitted jointly, judged, weighed.
+
+What counts is the evidence beside a little of everything and in the held-out errors, against every other candidate.
+Consequences of the drive (engine load, line pressure) must explain more than a cause does to be believed.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from cruise.validation.background import Background
+from cruise.validation.candidates import MEDIATORS, UNNAMED, Candidate, without
+from cruise.validation.search import Judged, gain, sureness
+from cruise.validation.slip import slip_mps
+from cruise.validation.study import Study
+
+ENOUGH: Final = 60.0  # evidence from which an effect is more than a little of everything
+LEAST_GAIN: Final = 0.15  # of the present loss: errors that fall by less than 8 % are not worth a name
+LEAST_LEFT: Final = 1e-9  # of the loss: what is left of it where there is no noise at all
+SURE: Final = 1.6  # standard errors of a held-out gain; a few blocks may hold all of it
+BEYOND_DOUBT: Final = 6.0  # standard errors that a background, which has its moments, does not reach
+MEDIATED: Final = 0.3  # of what the best cause leaves: all that a signal may leave through which every force acts
+PLAIN: Final = 0.5  # of what the best cause leaves: with less, a consequence of the drive is a cause all the same
+ALIKE: Final = 20.0  # evidence below which no form of a model is exact enough to decide,
+CLOSE: Final = 0.05  # likewise, of the evidence,
+LOOSE: Final = 1.2  # unless the loss decides
+FINISHED: Final = 10  # candidates whose fits are carried to their end; the others are far off after a few steps
+RESTARTED: Final = 3  # of them, that are fitted once more from another core
+
+Show = Callable[[str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Tried:
+    """One candidate beside what was there before it."""
+
+    name: str
+    gain: float  # G: share of the loss that it takes away
+    evidence: float  # for it, beside a little of everything, and from the held-out errors as they are
+    credit: float  # share of that which counts against other candidates
+    sureness: float  # standard errors of the log ratio of the losses
+    judged: Judged
+
+    @property
+    def counted(self) -> float:
+        """The evidence that counts against other candidates."""
+        return self.credit * self.evidence
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """One step of the search: what was there, and everything that was tried beside it, best first."""
+
+    before: Judged
+    tried: tuple[Tried, ...]
+    background: Background
+
+
+def tried_beside(
+    study: Study,
+    present: Judged,
+    everyone: Sequence[Candidate],
+    chosen: Sequence[str],
+    rng: np.random.Generator,
+    show: Show,
+) -> Step:
+    """Every candidate beside what is there, best first. What is there may be fitted better on the way."""
+    search, fits = study.search, []
+    for candidate in everyone:
+        show(f"trying {_in_words(candidate.name)}" + (f" beside {', '.join(chosen)}" if chosen else ""))
+        fits.append(search.begun(present.explanation, candidate))
+    for i in np.argsort([one.cost for one in fits])[:FINISHED].tolist():
+        show(f"finishing {_in_words(everyone[i].name)}")
+        fits[i] = search.finished(fits[i])
+    for i in np.argsort([one.cost for one in fits])[:RESTARTED].tolist():
+        other = search.grown_anew(present.explanation, everyone[i])
+        fits[i] = min(fits[i], other, key=lambda one: one.cost)
+    before = present.fit
+    if fits:  # the best fit's core may be a better start for what is there, too
+        best = min(range(len(fits)), key=lambda i: fits[i].cost)
+        again = search.fitted(without(fits[best].explanation, everyone[best].name))
+        before = min(before, again, key=lambda one: one.cost)
+    if not chosen:
+        search.learn_disturbance(before, fits)
+    if not chosen or before is not present.fit:
+        present = search.judged("", before)
+    judged = [search.judged(candidate.name, one) for candidate, one in zip(everyone, fits, strict=True)]
+    named = [one.name for one in everyone if not one.name.startswith(UNNAMED)]
+    background = Background(
+        before,
+        {candidate.name: one for candidate, one in zip(everyone, fits, strict=True)},
+        search.disturbance,
+        [name for name in named if name not in MEDIATORS],
+        (slip_mps(study.recordings), frozenset({"wheel_slip", "sensor_bias"})),
+    )
+    credit = {one.name: one.credit for one in everyone}
+    others = [one for one in judged if one.candidate not in MEDIATORS]
+    causes = [one.loss for one in others if credit[one.candidate] == 1.0]
+    for one in judged:
+        if one.candidate in MEDIATORS:
+            direct = [other.loss for other in others if other.candidate in named or credit[other.candidate] == 1.0]
+            if one.loss > MEDIATED * min([present.loss, *direct]):
+                credit[one.candidate] = 0.0
+        elif one.candidate in named and one.loss < PLAIN * min([present.loss, *causes]):
+            credit[one.candidate] = 1.0
+    background.settle({name: credit[name] for name in named})
+    tried = []
+    for one in judged:
+        evidence = background.evidence(one.candidate) + held_out(present, one)
+        sure = sureness(present, one, rng)
+        tried.append(Tried(one.candidate, gain(present, one), evidence, credit[one.candidate], sure, one))
+    return Step(present, tuple(sorted(tried, key=counted, reverse=True)), background)
+
+
+def held_out(without_it: Judged, one: Judged) -> float:
+    """Evidence in the held-out errors as they are: a block of time counts as one independent error."""
+    return -int(np.count_nonzero(without_it.weight)) * math.log(max(1.0 - gain(without_it, one), LEAST_LEFT))
+
+
+def counted(one: Tried) -> float:
+    return one.counted
+
+
+def enough(one: Tried) -> bool:
+    """Whether what a candidate explains is worth naming, sure, and more than a little or beyond doubt."""
+    more = one.counted >= ENOUGH and one.sureness >= SURE
+    return one.gain >= LEAST_GAIN and (more or (one.counted > 0.0 and one.sureness >= BEYOND_DOUBT))
+
+
+def close(first: Tried, one: Tried) -> bool:
+    """Whether the evidence of the first, which has most, is too little more than another's to decide."""
+    return one.counted >= first.counted - max(ALIKE, CLOSE * first.counted)
+
+
+def ahead(mine: Tried, other: Tried) -> float:
+    """Evidence for one above that for another, both as they count; where it is close, the loss may say more."""
+    more = mine.counted - other.counted
+    if not close(max(mine, other, key=counted), min(mine, other, key=counted)):
+        return more
+    return max(more, ALIKE * math.log(max(other.judged.loss / mine.judged.loss, LEAST_LEFT)) / math.log(LOOSE))
+
+
+def _in_words(name: str) -> str:
+    return f"any dependence on {name.removeprefix(UNNAMED)}" if name.startswith(UNNAMED) else name

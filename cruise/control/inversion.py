@@ -1,13 +1,13 @@
 """From a wanted drive to a current: the command effects inverted one by one, the hysteresis so that it can't chatter.
 
-    u = v + k (w / 2) sat((v - x) / e)
+    u = v + k c (w / 2) sat((v - x) / max(e, (1 - c) w / 2))
 
-v wanted output of the play operator in mA, x where it stands, w width of its band. The exact inverse, k = 1 and e ->
-0, jumps by w whenever the wish turns around, on noise too, and overshoots where the band of the machine is narrower
-than the model's. Half way in between the play is narrowed from w / 2 to e w / (2 e + k w) and the current stays
-continuous; k below 1 leaves a part of the band to the observer, for a width that is wrong. Source of the idea: G.
-Tao, P. Kokotovic, Adaptive Control of Systems with Actuator and Sensor Nonlinearities, 1996, ch. 4 (soft inverse of
-backlash).
+v wanted output in mA, x where the play operator stands, w width of its band, c share of the current that it holds. The
+exact inverse, k = 1 and e -> 0, jumps by w where c = 1 whenever the wish turns around, on noise too, and overshoots
+where the band of the machine is narrower than the model's. Half way in between the play is narrowed from w / 2 to
+e w / (2 e + k w) and the current stays continuous; k below 1 leaves a part of the band to the observer, for a width
+that is wrong. Source of the idea: G. Tao, P. Kokotovic, Adaptive Control of Systems with Actuator and Sensor
+Nonlinearities, 1996, ch. 4 (soft inverse of backlash).
 """
 
 import math
@@ -50,5 +50,7 @@ def current_for(
 def _through(effect: Hysteresis, wanted_ma: float, stands_ma: float, settings: InversionSettings) -> float:
     if math.isnan(stands_ma):
         return wanted_ma
-    turned = min(max((wanted_ma - stands_ma) / settings.turn_ma, -1.0), 1.0)
-    return wanted_ma + settings.hysteresis_share * 0.5 * effect.width_ma * turned
+    half_ma = 0.5 * effect.width_ma
+    soft_ma = max(settings.turn_ma, (1.0 - effect.share) * half_ma)
+    turned = min(max((wanted_ma - stands_ma) / soft_ma, -1.0), 1.0)
+    return wanted_ma + settings.hysteresis_share * effect.share * half_ma * turned

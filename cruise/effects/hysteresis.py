@@ -1,10 +1,12 @@
 """Hysteresis: friction of the control spool lets the drive follow the current only at the edges of a band.
 
-    x_k = clip(x_(k-1), u_k - w/2, u_k + w/2)
+    f(u_k) = (1 - c) u_k + c x_k,   x_k = clip(x_(k-1), u_k - w/2, u_k + w/2)
 
-u solenoid current in mA, x what acts in mA, w width of the band in mA: the play operator, which depends on the path of
-the current and not on its speed. Source: M. Brokate, J. Sprekels, Hysteresis and Phase Transitions (1996), ch. 2;
-section I.A of Coen et al. 2005 ("the hydrostatic pump shows a static hysteresis"); data sheets of proportional valves
+u solenoid current in mA, f what acts in mA, x the play operator, which depends on the path of the current and not on
+its speed, w width of its band in mA, c share of the current that it holds back: 1 for slack, less for friction in
+something elastic (the simplest Prandtl-Ishlinskii operator). Source: M. Brokate, J. Sprekels, Hysteresis and Phase
+Transitions (1996), ch. 2; section I.A of Coen et al. 2005 ("the hydrostatic pump shows a static hysteresis"); data
+sheets of proportional valves
 without position feedback state 3 to 8 % of the range, 25 to 65 mA of 800 mA.
 """
 
@@ -21,40 +23,46 @@ from cruise.signals import Signals
 
 @dataclass(frozen=True, slots=True)
 class Hysteresis(Effect):
-    """x_k = clip(x_(k-1), u_k - width_ma / 2, u_k + width_ma / 2), in mA; the state is x, NaN while not known."""
+    """f(u_k) = (1 - share) u_k + share x_k, in mA; the state is x, NaN while not known.
+
+    x_k = clip(x_(k-1), u_k - width_ma / 2, u_k + width_ma / 2)
+    """
 
     name = "hysteresis"
     stage = Stage.COMMAND
     needs = ()
     parameters: ClassVar = {
-        "width_ma": Parameter("mA", 0.0, 400.0, 0.0, "current to turn back by before anything moves"),
+        "width_ma": Parameter("mA", 0.0, 400.0, 0.0, "current to turn back by before all of it moves"),
+        "share": Parameter("-", 0.02, 1.0, 1.0, "share that is held back; the rest follows at once"),
     }
     about: ClassVar = About(
         physics="Dry friction of spool and swash plate, remanence of the solenoid's iron and slack in the linkage hold "
         "the servo where it is until the current has changed by more than the width of a band. Rising and falling, the "
         "same current then gives two speeds, and after every reversal of the current nothing happens at first. The "
-        "loop depends on the path of the current and not on how fast it was driven.",
-        equation="x_k = clip(x_(k-1), u_k - w/2, u_k + w/2)",
-        source="Brokate and Sprekels 1996, ch. 2 (play operator); Coen et al. 2005, section I.A",
-        signature="the residual takes the sign opposite to the last change of the current, +-gain times w/2, and keeps "
-        "it for as long as the current rests",
+        "loop depends on the path of the current and not on how fast it was driven. Slack holds all of a change back, "
+        "friction against something elastic a share of it.",
+        equation="f(u) = (1 - c) u + c x,  x_k = clip(x_(k-1), u_k - w/2, u_k + w/2)",
+        source="Brokate and Sprekels 1996, ch. 2 (play, Prandtl-Ishlinskii); Coen et al. 2005, section I.A",
+        signature="the residual takes the sign opposite to the last change of the current, +-gain times c w/2, and "
+        "keeps it for as long as the current rests",
         look_alikes=("dead_zone", "transport_delay", "rate_limit", "active_braking", "coulomb_friction"),
         experiment="a triangle of current between 600 and 1000 mA, once at 10 mA/s and once at 40 mA/s: the loop of "
         "speed over current keeps its width if it is hysteresis, and grows with the rate if it is a delay or a lag",
     )
 
     width_ma: float = 0.0
+    share: float = 1.0
 
     def start(self, like: Value) -> State:
         """Not known: the first current is taken as it is."""
         return like * math.nan
 
     def step(self, value: Value, past_speed: Value, signals: Signals, state: State, dt_s: float) -> tuple[Value, State]:
-        """The last output, dragged along by the edges of the band about the current."""
+        """The current, and what the edges of the band about it drag along."""
         low, high = value - 0.5 * self.width_ma, value + 0.5 * self.width_ma
         dragged = where(state > low, where(state < high, state, high), low)  # NaN where the current is
-        result = where(state == state, dragged, value)
-        return result, result
+        held = where(state == state, dragged, value)
+        return value + self.share * (held - value), held
 
     def over(
         self, values: Value, past_speeds: np.ndarray, signals: Mapping[str, np.ndarray], dt_s: float
@@ -67,15 +75,19 @@ class Hysteresis(Effect):
             elif not result < value + half_ma:
                 result = value + half_ma
             results.append(result)
-        outputs = np.array(results)
-        return outputs, outputs
+        held = np.array(results)
+        return values + self.share * (held - values), held
 
     def inverse(self, value: float, signals: Signals, state: State) -> Inverse:
-        """The edge of the band that drags the output to the value; the whole band where it stands there already."""
+        """The current within the band, or beyond the edge that drags; the whole band where all is held back there."""
         half_ma = 0.5 * self.width_ma
         if math.isnan(state):
             return Inverse(value, value)
-        if value == state:
+        if value == state and self.share == 1.0:
             return Inverse(value - half_ma, value + half_ma)
-        current_ma = value + math.copysign(half_ma, value - state)
+        away_ma, free_ma = value - state, (1.0 - self.share) * half_ma
+        if abs(away_ma) < free_ma:
+            current_ma = state + away_ma / (1.0 - self.share)
+        else:
+            current_ma = value + math.copysign(self.share * half_ma, away_ma)
         return Inverse(current_ma, current_ma)

@@ -31,7 +31,7 @@ class RateLimit(Effect):
     needs = ()
     parameters: ClassVar = {
         "rate_ma_per_s": Parameter(
-            "mA/s", 50.0, UNLIMITED_MA_PER_S, UNLIMITED_MA_PER_S, "greatest rate of what acts; 10000 is no limit"
+            "mA/s", 20.0, UNLIMITED_MA_PER_S, UNLIMITED_MA_PER_S, "greatest rate of what acts; 10000 is no limit"
         ),
         "lag_s": Parameter("s", 0.0, 1.0, 0.0, "lag with which it follows within that rate"),
     }

@@ -42,6 +42,13 @@ def sentence(found: Diagnosis) -> str:
                     f"{figure(math.sqrt(found.hidden.loss))} m/s RMS of the error {horizon}, {before} m/s, with a "
                     f"little of every known effect beside it, most of it by {_all(found.signals)}{rival} {sure}."
                 )
+            if found.unrecorded:
+                return (
+                    f"Something is missing that is none of the effects that cruise knows: a force that nobody "
+                    f"recorded. It shows in {_all(found.signals)}: a loss of speed with it lowers the error {horizon} "
+                    f"from {before} to {_error(found.final)} m/s on data that the fit has not seen, and nothing else "
+                    f"that is recorded foretells it{rival} {sure}."
+                )
             return (
                 f"Something is missing that is none of the effects that cruise knows: a free curve of "
                 f"{_all(found.signals)} lowers the error {horizon} from {before} to "

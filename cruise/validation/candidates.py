@@ -25,7 +25,8 @@ from cruise.validation.unnamed import (
     range_of,
 )
 
-SHARES: Final = (0.03, 0.08, 0.18, 0.35, 0.55, 0.8)  # of the way from a shape's neutral value to its far bound
+SHARES: Final = (0.03, 0.08, 0.18, 0.35, 0.55, 0.8, 0.93)  # of the way from a shape's neutral value to its far bound
+HELD: Final = 0.7  # share of the current that a hysteresis holds back where fits start: it is wide or it is whole
 WIDE: Final = 5.0  # ratio of the bounds from which that way is walked in ratios
 CHAIN: Final = tuple(EFFECTS)  # order in which the current meets the effects: that of the table
 SAME: Final = 0.02  # relative spread of a signal below which it never moves
@@ -94,6 +95,8 @@ class EffectCandidate:
         if self.name == "rate_limit":  # the servo's lag moves into the limit, or there would be one lag more
             known = {"lag_s": core.lag_s}
             explanation = replace(explanation, core=replace(core, lag_s=CORE["lag_s"].low))
+        elif self.name == "hysteresis":
+            known = {"share": HELD}
         else:
             known = dict(self.known)
         for share in SHARES if shapes and self.name != "gear_ratio" else SHARES[:1]:

@@ -8,8 +8,8 @@ from cruise.validation.search import Judged
 from cruise.validation.selection import FURTHER, LEAST_FURTHER, Selected, curved_over
 from cruise.validation.trying import BEYOND_DOUBT, ENOUGH, LEAST_GAIN
 
-LEAST_FORETOLD: Final = 0.1  # of the first loss, that the catch-all must foretell for something to be missing,
-LEAST_BESIDE: Final = 0.5  # and of what the named effects explain, for them to be no more than substitutes
+LEAST_FORETOLD: Final = 0.15  # of the first loss, that the catch-all must foretell for something to be missing,
+LEAST_BESIDE: Final = 0.25  # and of what the named effects explain, for them to be no more than substitutes
 HALF_MARGIN: Final = 2.0  # margin as often right as wrong: tools/blind_trial calibrate, 145 drives of both tiers
 STEEPNESS: Final = 0.44  # likewise
 LEAST_MARGIN: Final = 1.0  # where another does better in its place: seldom right, and not never

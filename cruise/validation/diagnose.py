@@ -71,6 +71,11 @@ class Diagnosis:
         """Whether the verdict comes with a model that errs less: with effects, or with a curve of a signal."""
         return bool(self.effects) or self.final is not self.base
 
+    @property
+    def unrecorded(self) -> bool:
+        """Whether it is a force that nobody recorded, which shows in a signal through which every force acts."""
+        return bool(self.steps[0].unrecorded) and self.verdict is Verdict.UNLISTED
+
 
 def diagnose(study: Study, show: Show = lambda text: None) -> Diagnosis:
     """Search, decide, and rank."""
@@ -81,7 +86,7 @@ def diagnose(study: Study, show: Show = lambda text: None) -> Diagnosis:
     show("what the recorded signals still foretell")
     hidden = _hidden(study, found)
     over = excess(hidden, base, final)
-    unlisted = found.curved or over > 1.0
+    unlisted = found.curved or found.unrecorded or over > 1.0
     places = () if unlisted else tuple(exchanged(study, name, found, rng, show) for name in named)
     alike = tuple((one.name, *one.alike) for one in places if one.alike)
     if over > 1.0:
@@ -94,8 +99,15 @@ def diagnose(study: Study, show: Show = lambda text: None) -> Diagnosis:
     verdict, effects, signals, words = Verdict.MISSING, named, (), ""
     if unlisted:
         verdict, effects = Verdict.UNLISTED, ()
-        signals, final = ((found.chosen[0].removeprefix(UNNAMED),), final) if found.curved else (hidden.signals, base)
-        words = _vary(signals)
+        if found.unrecorded:
+            signals = EFFECTS[found.steps[0].unrecorded].needs
+            words = _record(signals)
+        elif found.curved:
+            signals = (found.chosen[0].removeprefix(UNNAMED),)
+            words = _vary(signals)
+        else:
+            signals, final = hidden.signals, base
+            words = _vary(signals)
     elif not named:
         verdict = Verdict.NOTHING
     elif len(named) == 1 and alike:
@@ -145,3 +157,7 @@ def _ranking(base: Judged, first: Step, chosen: Sequence[str], confidence: float
 
 def _vary(signals: Sequence[str]) -> str:
     return f"hold everything else and move {' and '.join(signals)} alone, slowly and in steps, over the whole range"
+
+
+def _record(signals: Sequence[str]) -> str:
+    return f"record what else pushes or holds the machine while {' and '.join(signals)} moves, such as wind or soil"

@@ -18,13 +18,12 @@ from scipy import optimize
 
 from cruise.effects import Stage
 from cruise.validation.explanation import CORE, RESONANCE, Explanation
-from cruise.validation.simulation import Scene
+from cruise.validation.simulation import RAN_AWAY_MPS, Scene
 
 STEP: Final = 1e-4  # of a parameter's range, for the differences
 TOLERANCE: Final = 1e-4  # relative change of cost and parameters at which a fit has ended
 INSIDE: Final = 1e-2  # of a typical change, by which a fit starts inside its bounds
 MOST_STEPS: Final = 25
-RAN_AWAY_MPS: Final = 1e3  # m/s, an error beyond which no more is to be learned
 FAR: Final = 1e3  # bounds of coefficients, in units of their own scale
 
 
@@ -151,6 +150,11 @@ class Objective:
         shifted = [vector] + [vector + np.eye(len(vector))[i] * step[i] for i in range(len(vector))]
         errors = bounded(self.whiten(self.errors(shifted)))
         return errors[0], ((errors[1:] - errors[0]) / step[:, None]).T
+
+
+def as_it_is(errors: np.ndarray) -> np.ndarray:
+    """No whitening: F is the identity."""
+    return errors
 
 
 def bounded(errors: np.ndarray) -> np.ndarray:

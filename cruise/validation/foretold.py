@@ -39,7 +39,7 @@ MOVED: Final = frozenset({"line_pressure_bar", "engine_load_pct"})
 FOLDS: Final = 5
 LITTLE: Final = 0.5  # of what an effect takes away where it is fitted alone
 ROUNDING: Final = 1e-9  # of the diagonal of the normal equations
-CHANCE: Final = 0.2  # R^2 that trees may reach on what nothing moves
+CHANCE: Final = 0.3  # R^2 that trees may reach on what nothing moves
 LEAST_NAMED: Final = 0.2  # of the share, that is lost with a signal that is worth naming
 TREES: Final = {
     "max_iter": 80,
@@ -61,37 +61,55 @@ class Foretold:
     signals: tuple[str, ...]
 
 
-@threadpool_limits.wrap(limits=1)  # two threads that wait for each other cost more than they bring
 def foretold(scene: Scene, present: Fit, others: Sequence[Fit], blocks: np.ndarray) -> Foretold:
     """How much of the error of a fit is foretold across `blocks` (N,) of time, a little of all `others` beside it."""
     error_mps = beside(present, others)
+    whole, without = _across(scene, present, error_mps, blocks)
+    known = np.isfinite(error_mps)
+    error = error_mps[known]
+    total = max(float(error @ error), 1e-12)
+
+    def share(part: np.ndarray) -> float:
+        return 1.0 - float(np.sum((error - part[known]) ** 2)) / total
+
+    all_of_it = share(whole)
+    lost = {name: all_of_it - share(part) for name, part in without.items()}
+    named = [name for name in sorted(lost, key=lambda name: -lost[name]) if lost[name] > LEAST_NAMED * all_of_it]
+    loss = max(all_of_it, 0.0) * total / max(len(error), 1)
+    return Foretold(all_of_it, loss, tuple(named) if all_of_it > CHANCE else ())
+
+
+def share_told(scene: Scene, present: Fit, part_mps: np.ndarray, blocks: np.ndarray) -> float:
+    """R^2 that is foretold of any part (N,) of the error of a fit, such as what one effect takes away, but its mean."""
+    whole, _ = _across(scene, present, part_mps, blocks)
+    known = np.isfinite(part_mps)
+    part = part_mps[known]
+    return 1.0 - float(np.mean((part - whole[known]) ** 2)) / max(float(np.var(part)), 1e-12)
+
+
+@threadpool_limits.wrap(limits=1)  # two threads that wait for each other cost more than they bring
+def _across(
+    scene: Scene, present: Fit, part_mps: np.ndarray, blocks: np.ndarray
+) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """What trees foretell (N,) of a part of the error across blocks of time; and as if a signal had been another's."""
     seen = _seen(scene, scene.speed_mps - bounded(present.error_mps))
     names = [name for name, columns in seen.items() for _ in columns]
     matrix = np.column_stack([column for columns in seen.values() for column in columns])
-    known, held = np.isfinite(error_mps), blocks % FOLDS
-    error = np.where(known, error_mps, 0.0)
-    whole, without = np.zeros_like(error), {name: np.zeros_like(error) for name in seen}
+    known, held = np.isfinite(part_mps), blocks % FOLDS
+    part = np.where(known, part_mps, 0.0)
+    whole, without = np.zeros_like(part), {name: np.zeros_like(part) for name in seen}
     for fold in range(FOLDS):
         shown, unseen = known & (held != fold), known & (held == fold)
         if not unseen.any() or not shown.any():
             continue
-        trees = HistGradientBoostingRegressor(**TREES).fit(matrix[shown], error[shown])
+        trees = HistGradientBoostingRegressor(**TREES).fit(matrix[shown], part[shown])
         rows = matrix[unseen]
         whole[unseen] = trees.predict(rows)
         for name in seen:  # as if the signal had been that of another time
             mine = np.array([one == name for one in names])
             mixed = np.where(mine, np.roll(rows, len(rows) // 2, axis=0), rows)
             without[name][unseen] = trees.predict(mixed)
-    total = max(float(error @ error), 1e-12)
-
-    def share(part: np.ndarray) -> float:
-        return 1.0 - float(np.sum((error - part)[known] ** 2)) / total
-
-    all_of_it = share(whole)
-    lost = {name: all_of_it - share(part) for name, part in without.items()}
-    named = [name for name in sorted(lost, key=lambda name: -lost[name]) if lost[name] > LEAST_NAMED * all_of_it]
-    loss = max(all_of_it, 0.0) * total / max(int(known.sum()), 1)
-    return Foretold(all_of_it, loss, tuple(named) if all_of_it > CHANCE else ())
+    return whole, without
 
 
 def beside(present: Fit, others: Sequence[Fit]) -> np.ndarray:

@@ -14,26 +14,21 @@ from typing import Final
 
 import numpy as np
 
-from cruise.effects import Stage
 from cruise.model import prediction
 from cruise.validation.candidates import Candidate
 from cruise.validation.disturbance import Disturbance, disturbance_of
 from cruise.validation.explanation import CORE, START, Explanation
-from cruise.validation.fitting import RAN_AWAY_MPS, Fit, Layout, Objective, bounded, fit, layout
-from cruise.validation.simulation import Scene
+from cruise.validation.fitting import Fit, Layout, Objective, as_it_is, bounded, fit, layout
+from cruise.validation.simulation import RAN_AWAY_MPS, Scene
+from cruise.validation.starts import NEARLY, Starts, apart
 
 FOLDS: Final = 5
 BLOCK_S: Final = 20.0  # s: longer than any disturbance that the autoregression leaves behind
 DAMPING: Final = 1e-3  # of the diagonal, in the step to a fold's parameters: directions that nothing excites stay
 PARTS: Final = (1.0, 0.3)  # of that step, or none: the errors are not quite linear in the parameters
 MOST_STARTS: Final = 3  # from which fits of one candidate begin
-NEARLY: Final = 1.2  # times what the best start leaves, to first order, that another may leave
-UNMOVED: Final = 1e-6  # of what is left: a start that changes no more is none
-TOLD: Final = 0.99  # of what is left without the candidate, from which on a promise is worth following
-LOAD_MPS: Final = 0.1  # m/s of steady speed per unit of a load, to see where it acts
-SAME: Final = 1e-3  # relative difference of what two starts leave, below which they are as good
-LEAST_STRENGTH, MOST_STRENGTH = 0.02, 0.7  # of the weakest start, to which it is weakened where its error asks for it
 QUICK_STEPS: Final = 4  # of the solver, to choose among several starts
+ONE_STEP: Final = 2  # likewise: where it stands and one step on
 ORDINARY_STEPS: Final = 20
 BOOTSTRAPS: Final = 400
 
@@ -76,7 +71,7 @@ class Search:
         self.disturbance = Disturbance((), self.starts)
         self.blocks = _blocks(scene)
         self.fixed = fixed  # shapes that nothing in the recordings moves
-        self._from: tuple[Explanation, np.ndarray, np.ndarray, np.ndarray] | None = None
+        self._starts: Starts | None = None
 
     # -- fits
 
@@ -85,7 +80,7 @@ class Search:
         return layout(start, limit_s, self.gain_scale, lambda name: name not in self.fixed)
 
     def fitted(self, start: Explanation, longest_delay_s: float | None = None, steps: int = ORDINARY_STEPS) -> Fit:
-        return fit(self.scene, self.plan(start, longest_delay_s), _as_it_is, steps)
+        return fit(self.scene, self.plan(start, longest_delay_s), as_it_is, steps)
 
     def grown(self, explanation: Explanation, candidate: Candidate) -> Fit:
         """The best joint fit of the explanation with the candidate, from every start that the candidate offers."""
@@ -93,63 +88,36 @@ class Search:
 
     def begun(self, explanation: Explanation, candidate: Candidate) -> Fit:
         """A few steps from the starts that promise most; from further ones only while nothing is gained."""
-        promising, before = self._promising(explanation, list(candidate.grown(explanation)))
-        left = before * max(int(self.scene.judged.sum()), 1)
-        options = [one for one in promising if abs(one[0] - left) > UNMOVED * left] or promising
-        told = options[0][0] < TOLD * left  # else first order says nothing: a stop just beyond all currents
+        starts = self._starts_beside(explanation)
+        options = starts.promising(list(candidate.grown(explanation)))
         fits: list[Fit] = []
-        for promise, option in options:
-            gained = told and any(one.cost < before for one in fits)
-            if len(fits) == MOST_STARTS or (gained and promise > NEARLY * options[0][0]):
+        for promise in apart(options):
+            gained = options[0].told and any(one.cost < starts.before for one in fits)
+            if len(fits) == MOST_STARTS or (gained and promise.left > NEARLY * options[0].left):
                 break
-            fits.append(self.fitted(option, candidate.longest_delay_s, QUICK_STEPS))
+            fits.append(self.fitted(starts.nearest(promise.start), candidate.longest_delay_s, QUICK_STEPS))
         return min(fits, key=lambda one: one.cost)
 
-    def _promising(
-        self, explanation: Explanation, options: list[Explanation]
-    ) -> tuple[list[tuple[float, Explanation]], float]:
-        """Starts with what they would leave, best first, to first order: the core gives way and a load is scaled.
+    def grown_from_all(self, explanation: Explanation, candidate: Candidate) -> Fit:
+        """`grown` from every start: a step from each, a few from the best of them, the best one to its end.
 
-        A start from which nothing moves, such as a stop beyond the highest current, would be left as it is by any fit.
-        Beside the options stand what lies between the best and its neighbours, and the weakest made as strong as its
-        own error asks for. With it the mean squared error of the explanation as it is.
+        What promises most to first order may lead to a corner that is rounded instead of one further on.
         """
-        error, *_ = self._seen_from(explanation)
-        before = float(error @ error) / max(int(self.scene.judged.sum()), 1)
-        found = self._left(explanation, options)
-        more = _between(explanation, options, found)
-        found += self._left(explanation, more) if more else []
-        loaded = [(left, _loaded(explanation, one, LOAD_MPS * share)) for left, share, one in found]
-        return sorted(loaded, key=lambda one: one[0]), before
+        starts, limit_s = self._starts_beside(explanation), candidate.longest_delay_s
+        options = starts.promising(list(candidate.grown(explanation)))
+        fits = [self.fitted(starts.nearest(one.start), limit_s, ONE_STEP) for one in options]
+        best = sorted(fits, key=lambda one: one.cost)[:MOST_STARTS]
+        fits = [self.fitted(one.explanation, limit_s, QUICK_STEPS) for one in best]
+        return self.finished(min(fits, key=lambda one: one.cost))
 
-    def _left(self, explanation: Explanation, options: list[Explanation]) -> list[tuple[float, float, Explanation]]:
-        """What each option would leave, in m2/s2 summed, and how many times as strong it should be for that."""
-        error, slopes, soft = self._seen_from(explanation)
-        moved = error - bounded(self.scene.errors([_loaded(explanation, option) for option in options]))
-        mine, its = error @ slopes, moved @ slopes
-        size = np.einsum("ij,ij->i", moved, moved) - np.einsum("ij,jk,ik->i", its, soft, its)
-        along = moved @ error - its @ soft @ mine
-        strength = along / np.maximum(size, 1e-12)
-        share = np.ones(len(options))
-        if len(options[0].loads) > len(explanation.loads):
-            share = strength if any(one.either_sign for one in options[0].effects) else np.maximum(strength, 0.0)
-            strength = share
-        left = error @ error - mine @ soft @ mine - 2.0 * share * along + share**2 * size
-        return list(zip(left.tolist(), strength.tolist(), options, strict=True))
-
-    def _seen_from(self, explanation: Explanation) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Error (N,) of an explanation, its scaled derivatives (N, p) and the inverse of their products (p, p)."""
-        if self._from is None or self._from[0] != explanation:
-            plan = self.plan(explanation)
-            error, slopes = Objective(self.scene, plan, _as_it_is).differences(plan.vector)
-            slopes = slopes * plan.scale
-            stiff = slopes.T @ slopes + np.eye(len(plan.scale)) * float(error @ error) / max(self.scene.judged.sum(), 1)
-            self._from = (explanation, error, slopes, np.linalg.inv(stiff))
-        return self._from[1:]
+    def _starts_beside(self, explanation: Explanation) -> Starts:
+        if self._starts is None or self._starts.explanation != explanation:
+            self._starts = Starts(self.scene, self.plan(explanation))
+        return self._starts
 
     def finished(self, begun: Fit) -> Fit:
         """The fit carried on to its end."""
-        return fit(self.scene, replace(begun.layout, start=begun.explanation), _as_it_is, ORDINARY_STEPS)
+        return fit(self.scene, replace(begun.layout, start=begun.explanation), as_it_is, ORDINARY_STEPS)
 
     def grown_anew(self, explanation: Explanation, candidate: Candidate) -> Fit:
         """`grown` with the lags' time in the vehicle at first: data say how slow all of them are before which."""
@@ -160,7 +128,7 @@ class Search:
 
     def judged(self, name: str, found: Fit) -> Judged:
         """Held-out errors: for every fold the parameters move to where the rest of the recording wants them."""
-        objective = Objective(self.scene, found.layout, _as_it_is)
+        objective = Objective(self.scene, found.layout, as_it_is)
         low, high = found.layout.bounds
         scale = found.layout.scale
         slopes, error = found.jacobian * scale, bounded(found.error_mps)
@@ -266,60 +234,6 @@ def sureness(without: Judged, with_it: Judged, rng: np.random.Generator) -> floa
     mean = 0.5 * (ratios[0] + ratios[1])
     spread = float(mean.std())
     return float(-mean.mean() / spread) if spread > 0 else 0.0
-
-
-def _loaded(before: Explanation, option: Explanation, coefficient: float = LOAD_MPS) -> Explanation:
-    """The option with something in the load that is new: a coefficient of 0 would not show where it acts."""
-    if len(option.loads) == len(before.loads):
-        return option
-    held = set(before.names)
-    loads = [
-        load if option.effects[i].name in held else coefficient
-        for i, load in zip(option.at(Stage.LOAD), option.loads, strict=True)
-    ]
-    return replace(option, loads=tuple(loads))
-
-
-def _between(
-    before: Explanation, options: Sequence[Explanation], found: Sequence[tuple[float, float, Explanation]]
-) -> list[Explanation]:
-    """Further starts: the middle between the best option and its neighbours, the weakest one as strong as it should be.
-
-    `options` stand in the order of their strength, with what each leaves and its best strength in `found`.
-    """
-    left = [one for one, _, _ in found]
-    best = max(i for i in range(len(options)) if left[i] <= (1.0 + SAME) * min(left))  # the strongest of those alike
-    further = [_mixed(options[best], options[i]) for i in (best - 1, best + 1) if 0 <= i < len(options)]
-    if len(options[0].loads) == len(before.loads):
-        further.append(_weakened(before, options[0], found[0][1]))
-    return [one for one in further if one.effects != options[best].effects]
-
-
-def _mixed(one: Explanation, other: Explanation) -> Explanation:
-    """Shapes in the middle between those of two explanations with the same effects: in ratios where both have one."""
-    effects = []
-    for mine, its in zip(one.effects, other.effects, strict=True):
-        pairs = {name: (getattr(mine, name), getattr(its, name)) for name in mine.parameters}
-        middles = {name: math.sqrt(a * b) if min(a, b) > 0.0 else 0.5 * (a + b) for name, (a, b) in pairs.items()}
-        effects.append(mine if mine == its else mine.reshaped(**middles))
-    return replace(one, effects=tuple(effects))
-
-
-def _weakened(before: Explanation, option: Explanation, strength: float) -> Explanation:
-    """The option with the shapes of what is new so many times as far from their neutral values, within bounds."""
-    times = math.copysign(min(max(abs(strength), LEAST_STRENGTH), MOST_STRENGTH), strength)
-    effects = []
-    for effect in option.effects:
-        shape = {
-            name: min(max(one.neutral + times * (getattr(effect, name) - one.neutral), one.low), one.high)
-            for name, one in effect.parameters.items()
-        }
-        effects.append(effect if effect.name in before.names else effect.reshaped(**shape))
-    return replace(option, effects=tuple(effects))
-
-
-def _as_it_is(errors: np.ndarray) -> np.ndarray:
-    return errors
 
 
 def _blocks(scene: Scene) -> np.ndarray:

@@ -6,6 +6,8 @@ from typing import Final
 
 import numpy as np
 
+from cruise.effects import EFFECTS
+from cruise.signals import OUTPUT
 from cruise.validation.candidates import UNNAMED, Refused, candidates, unnamed, without
 from cruise.validation.search import Judged
 from cruise.validation.study import Study
@@ -13,9 +15,10 @@ from cruise.validation.trying import ENOUGH, Show, Step, Tried, close, counted, 
 
 FURTHER: Final = 75.0  # evidence from which a further effect is one, as no form of the first is exact,
 LEAST_FURTHER: Final = 0.25  # likewise, of the present loss,
-LEAST_SHARE: Final = 0.01  # and of the first loss
+LEAST_SHARE: Final = 0.05  # and of the first loss
 LEAST_CURVED: Final = 0.45  # of the loss, that a free curve must explain to have the word
 CURVED: Final = (60.0, 0.05)  # evidence, and share of it, by which a free curve must exceed all effects
+SAME_SIGNAL: Final = 0.85  # of what a curve takes away: an effect of the same signal that takes as much is the curve
 SUPERFLUOUS: Final = 0.5  # of ENOUGH: what an effect must still bring beside the others
 MOST_EFFECTS: Final = 4
 MOST_STEPS: Final = 8  # two effects that drop each other would go on for ever
@@ -35,6 +38,11 @@ class Selected:
         """Whether a curve without physics has the word."""
         return bool(self.chosen) and self.chosen[0].startswith(UNNAMED)
 
+    @property
+    def unrecorded(self) -> bool:
+        """Whether it is a force that nobody recorded; `final` has the effect through whose signal it shows."""
+        return bool(self.steps[0].unrecorded)
+
 
 def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
     """Add the best effect while it brings enough; after each, drop what it makes superfluous.
@@ -49,9 +57,12 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
         possible, cannot = candidates(study.recordings, present.explanation)
         refused = refused or cannot
         curves = unnamed(study.recordings, present.explanation) if not steps else []
-        step = tried_beside(study, present, [*possible, *curves], chosen, rng, show)
+        elsewhere = [one.judged for one in steps[0].tried if one.name.startswith(UNNAMED)] if steps else []
+        step = tried_beside(study, present, [*possible, *curves], chosen, rng, show, elsewhere)
         present = step.before
         steps.append(step)
+        if step.unrecorded and not chosen:
+            break
         worthy = [one for one in step.tried if not one.name.startswith(UNNAMED) and enough(one)]
         if not worthy:
             break
@@ -71,13 +82,28 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
             if together(steps[0], present, chosen) - together(steps[0], other, held) < SUPERFLUOUS * ENOUGH:
                 chosen.remove(name)
                 present = other
-    curve = max((one for one in steps[0].tried if one.name.startswith(UNNAMED)), key=counted, default=None)
-    if curve is not None and curve.gain >= LEAST_CURVED and enough(curve):
-        named = [one.counted for one in steps[0].tried if not one.name.startswith(UNNAMED)]
-        all_of_them = together(steps[0], present, chosen) if chosen else 0.0
-        if max(all_of_them, *named) < curve.counted - curved_over(curve):
-            return Selected(tuple(steps), (curve.name,), curve.judged, tuple(refused))
+    if steps[0].unrecorded:
+        shows = next(one for one in steps[0].tried if one.name == steps[0].unrecorded)
+        return Selected(tuple(steps), (), shows.judged, tuple(refused))
+    curve = _curve(steps[0], together(steps[0], present, chosen) if chosen else 0.0)
+    if curve is not None:
+        return Selected(tuple(steps), (curve.name,), curve.judged, tuple(refused))
     return Selected(tuple(steps), tuple(chosen), present, tuple(refused))
+
+
+def _curve(first: Step, chosen: float) -> Tried | None:
+    """The curve without physics that has the word, if one has; `chosen` is the evidence for the effects together."""
+    curves = [one for one in first.tried if one.name.startswith(UNNAMED)]
+    named = [one for one in first.tried if not one.name.startswith(UNNAMED)]
+    best = max(curves, key=counted, default=None)
+    if best is None or best.gain < LEAST_CURVED or not enough(best):
+        return None
+    if max(chosen, *(one.counted for one in named)) >= best.counted - curved_over(best):
+        return None
+    mine = best.name.removeprefix(UNNAMED)
+    same = [one for one in named if mine in EFFECTS[one.name].needs and mine != OUTPUT and enough(one)]
+    taken = [(first.before.loss - one.judged.loss) / (first.before.loss - best.judged.loss) for one in same]
+    return None if max(taken, default=0.0) >= SAME_SIGNAL else best
 
 
 def together(first: Step, one: Judged, names: Sequence[str]) -> float:

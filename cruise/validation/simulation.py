@@ -23,6 +23,7 @@ from cruise.validation.slope import PITCH, SLOPE, pitch_share, slope_deg
 
 WARM_UP_S: Final = 3.0  # s, the paper's horizon: what a prediction at least has to reach, unless told otherwise
 JUDGED_S: Final = 6.0  # s; longer costs more steps, shorter more starts
+RAN_AWAY_MPS: Final = 1e3  # m/s, a speed or an error beyond which no more is to be learned
 CACHED: Final = 400  # arrays; older ones are forgotten
 
 
@@ -246,6 +247,7 @@ class Scene:
                     else:
                         gain, memory[i] = stacked[i].step(gain, speed, now, memory[i], self.period_s)
                 fresh = poles * speed + (1.0 - poles) * (gain + load)
+                fresh = np.clip(fresh, -RAN_AWAY_MPS, RAN_AWAY_MPS)  # further on there is no number any more
             else:
                 fresh = poles * speed + drive[:, at]
             speed = fresh if pace is None else speed + pace[:, at] * (fresh - speed)

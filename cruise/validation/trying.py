@@ -7,12 +7,14 @@ Consequences of the drive (engine load, line pressure) must explain more than a 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from enum import Enum, auto
 from typing import Final
 
 import numpy as np
 
 from cruise.validation.background import Background
 from cruise.validation.candidates import MEDIATORS, UNNAMED, Candidate, without
+from cruise.validation.foretold import MOVED, share_told
 from cruise.validation.search import Judged, gain, sureness
 from cruise.validation.slip import slip_mps
 from cruise.validation.study import Study
@@ -22,15 +24,27 @@ LEAST_GAIN: Final = 0.15  # of the present loss: errors that fall by less than 8
 LEAST_LEFT: Final = 1e-9  # of the loss: what is left of it where there is no noise at all
 SURE: Final = 1.6  # standard errors of a held-out gain; a few blocks may hold all of it
 BEYOND_DOUBT: Final = 6.0  # standard errors that a background, which has its moments, does not reach
-MEDIATED: Final = 0.3  # of what the best cause leaves: all that a signal may leave through which every force acts
+MEDIATED: Final = 0.3  # of the present loss: all that an effect may leave through whose signal every force acts
+MORE: Final = 0.8  # of what the best direct cause leaves: with less, and with
+TOLD_BESIDE: Final = 0.7  # of what it takes away beyond that foretold by what is recorded, it is a cause itself
+DIRECT: Final = 0.8  # of what it takes away: with more that a direct cause takes away in its place, it is none
+TOLD: Final = 0.5  # of what it takes away: with less that is foretold, a force that nobody recorded acts there
 PLAIN: Final = 0.5  # of what the best cause leaves: with less, a consequence of the drive is a cause all the same
 ALIKE: Final = 20.0  # evidence below which no form of a model is exact enough to decide,
 CLOSE: Final = 0.05  # likewise, of the evidence,
 LOOSE: Final = 1.2  # unless the loss decides
 FINISHED: Final = 10  # candidates whose fits are carried to their end; the others are far off after a few steps
-RESTARTED: Final = 3  # of them, that are fitted once more from another core
+RESTARTED: Final = 4  # effects that are fitted once more, from another core and from all starts
 
 Show = Callable[[str], None]
+
+
+class Through(Enum):
+    """What stands behind an effect through whose signal every force acts."""
+
+    ITSELF = auto()
+    RECORDED = auto()  # another cause, or too little to say: a direct one explains most of what it takes away
+    UNRECORDED = auto()  # a force that nobody recorded: nothing foretells what it takes away
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +71,7 @@ class Step:
     before: Judged
     tried: tuple[Tried, ...]
     background: Background
+    unrecorded: str  # the effect in whose signal a force shows that nobody recorded, if there is one
 
 
 def tried_beside(
@@ -66,8 +81,12 @@ def tried_beside(
     chosen: Sequence[str],
     rng: np.random.Generator,
     show: Show,
+    elsewhere: Sequence[Judged] = (),
 ) -> Step:
-    """Every candidate beside what is there, best first. What is there may be fitted better on the way."""
+    """Every candidate beside what is there, best first. What is there may be fitted better on the way.
+
+    `elsewhere` are further direct causes: dependences without physics that were tried before.
+    """
     search, fits = study.search, []
     for candidate in everyone:
         show(f"trying {_in_words(candidate.name)}" + (f" beside {', '.join(chosen)}" if chosen else ""))
@@ -75,9 +94,12 @@ def tried_beside(
     for i in np.argsort([one.cost for one in fits])[:FINISHED].tolist():
         show(f"finishing {_in_words(everyone[i].name)}")
         fits[i] = search.finished(fits[i])
-    for i in np.argsort([one.cost for one in fits])[:RESTARTED].tolist():
-        other = search.grown_anew(present.explanation, everyone[i])
-        fits[i] = min(fits[i], other, key=lambda one: one.cost)
+    effects = [i for i, one in enumerate(everyone) if not one.name.startswith(UNNAMED)]
+    for i in sorted(effects, key=lambda i: fits[i].cost)[:RESTARTED]:
+        others = [search.grown_anew(present.explanation, everyone[i])]
+        if fits[i].cost < (1.0 - LEAST_GAIN) * present.fit.cost:
+            others.append(search.grown_from_all(present.explanation, everyone[i]))
+        fits[i] = min(fits[i], *others, key=lambda one: one.cost)
     before = present.fit
     if fits:  # the best fit's core may be a better start for what is there, too
         best = min(range(len(fits)), key=lambda i: fits[i].cost)
@@ -99,11 +121,14 @@ def tried_beside(
     credit = {one.name: one.credit for one in everyone}
     others = [one for one in judged if one.candidate not in MEDIATORS]
     causes = [one.loss for one in others if credit[one.candidate] == 1.0]
+    direct = [one for one in others if one.candidate in named or credit[one.candidate] == 1.0]
+    direct += [one for one in elsewhere if one.candidate.removeprefix(UNNAMED) not in MOVED]
+    unrecorded = ""
     for one in judged:
         if one.candidate in MEDIATORS:
-            direct = [other.loss for other in others if other.candidate in named or credit[other.candidate] == 1.0]
-            if one.loss > MEDIATED * min([present.loss, *direct]):
-                credit[one.candidate] = 0.0
+            through = _through(study, present, one, min([present, *direct], key=lambda other: other.loss))
+            credit[one.candidate] = 1.0 if through is Through.ITSELF else 0.0
+            unrecorded = one.candidate if through is Through.UNRECORDED else unrecorded
         elif one.candidate in named and one.loss < PLAIN * min([present.loss, *causes]):
             credit[one.candidate] = 1.0
     background.settle({name: credit[name] for name in named})
@@ -112,7 +137,24 @@ def tried_beside(
         evidence = background.evidence(one.candidate) + held_out(present, one)
         sure = sureness(present, one, rng)
         tried.append(Tried(one.candidate, gain(present, one), evidence, credit[one.candidate], sure, one))
-    return Step(present, tuple(sorted(tried, key=counted, reverse=True)), background)
+    return Step(present, tuple(sorted(tried, key=counted, reverse=True)), background, unrecorded)
+
+
+def _through(study: Study, present: Judged, mediator: Judged, direct: Judged) -> Through:
+    """What stands behind an effect through whose signal every force acts; `direct` is the best of the other causes."""
+    taken = present.loss - mediator.loss
+    if mediator.loss > MEDIATED * present.loss:
+        return Through.RECORDED
+
+    def told(error_mps: np.ndarray) -> float:
+        part_mps = error_mps - mediator.fit.error_mps
+        return share_told(study.search.scene, present.fit, part_mps, study.search.blocks)
+
+    if mediator.loss < MORE * direct.loss and told(direct.fit.error_mps) >= TOLD_BESIDE:
+        return Through.ITSELF
+    if present.loss - direct.loss > DIRECT * taken:
+        return Through.RECORDED
+    return Through.ITSELF if told(present.fit.error_mps) >= TOLD else Through.UNRECORDED
 
 
 def held_out(without_it: Judged, one: Judged) -> float:

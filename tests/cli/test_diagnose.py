@@ -202,7 +202,7 @@ def test_a_rival_as_good_is_not_called_beaten(hills, capsys):
 
 def test_several_effects_are_added_one_after_the_other(hills, capsys):
     first, second = [one for one in hills.steps[0].tried if not one.name.startswith("unnamed:")][:2]
-    steps = (hills.steps[0], type(hills.steps[0])(first.judged, (second, first), hills.steps[0].background))
+    steps = (hills.steps[0], replace(hills.steps[0], before=first.judged, tried=(second, first)))
     found = replace(hills, effects=(first.name, second.name), steps=steps, final=second.judged)
     out = said(capsys, found)
     assert out.startswith(f"`{first.name}` and `{second.name}` are missing: with them the error")

@@ -45,12 +45,19 @@ def test_after_a_hole_the_current_is_taken_as_it_is():
     np.testing.assert_array_equal(x, [500.0, 570.0, math.nan, 400.0, 400.0])
 
 
-@given(wanted=st.lists(st.floats(-900, 900), min_size=2, max_size=20))
-def test_the_inverse_leads_wherever_it_is_wanted(wanted):
-    current, state = PLAY.step(300.0, 0.0, {}, PLAY.start(0.0), 0.2)
+def test_of_what_is_held_in_part_the_rest_follows_at_once():
+    soft = Hysteresis(WIDTH_MA, 0.25)
+    x = over(soft, np.array([500.0, 600.0, 570.0, 540.0, 500.0]), np.zeros(5), {}, 0.2)[0]
+    assert x.tolist() == [500.0, 592.5, 570.0, 547.5, 507.5]  # a quarter of 30 mA behind, both ways
+
+
+@given(wanted=st.lists(st.floats(-900, 900), min_size=2, max_size=20), share=st.sampled_from([1.0, 0.6, 0.1]))
+def test_the_inverse_leads_wherever_it_is_wanted(wanted, share):
+    effect = Hysteresis(WIDTH_MA, share)
+    current, state = effect.step(300.0, 0.0, {}, effect.start(0.0), 0.2)
     for value in wanted:
-        current = PLAY.inverse(value, {}, state).nearest(current)
-        result, state = PLAY.step(current, 0.0, {}, state, 0.2)
+        current = effect.inverse(value, {}, state).nearest(current)
+        result, state = effect.step(current, 0.0, {}, state, 0.2)
         assert result == pytest.approx(value, abs=1e-9)
 
 

@@ -197,7 +197,7 @@ def test_no_number_leaves_its_bounds():
     one = drive(120.0, 4, 0.1, 0.02, load_mps=0.05 * hills, columns={"pitch_deg": hills})
     search = search_of(one, longest_delay_s=0.1)
     core = replace(START.core, delay_s=0.05)
-    start = replace(START, core=core, effects=(Hysteresis(60.0), Grade()), loads=(0.2,))
+    start = replace(START, core=core, effects=(Hysteresis(60.0, 0.9), Grade()), loads=(0.2,))
     plan = search.plan(start)
     tried = []
 
@@ -219,14 +219,14 @@ def test_no_number_leaves_its_bounds():
     assert found.explanation.loads[0] == pytest.approx(0.0, abs=1e-3)
     (hysteresis, _) = found.explanation.effects
     assert isinstance(hysteresis, Hysteresis)
-    assert hysteresis.width_ma == pytest.approx(0.0, abs=0.1)
+    assert hysteresis.width_ma * hysteresis.share == pytest.approx(0.0, abs=0.2)
 
 
 def test_a_layout_and_its_vector_are_one_explanation():
     start = Explanation(
         replace(TRUE, resonance_share=0.2),
         (
-            Hysteresis(30.0),
+            Hysteresis(30.0, 0.8),
             DeadZone(200.0, 10.0),
             QuadraticGain(0.3),
             Saturation(900.0, 5.0),
@@ -240,7 +240,7 @@ def test_a_layout_and_its_vector_are_one_explanation():
     plan = layout(start, 1.0, GAIN, lambda name: not name.startswith("grade."))
     assert plan.explanation(plan.vector) == start
     assert {(slot.owner, slot.name) for slot in plan.slots if slot.owner == "grade"} == {("grade", "load")}
-    assert len(plan.slots) == 5 + 3 + 1 + 1 + 2 + 2 + 2 + 1 + 2
+    assert len(plan.slots) == 5 + 3 + 1 + 2 + 2 + 2 + 2 + 1 + 2
     changed = plan.explanation(plan.vector + 1e-3 * plan.scale)
     assert replace(plan, start=changed).vector == pytest.approx(plan.vector + 1e-3 * plan.scale)
     assert changed.effects[4] == start.effects[4]

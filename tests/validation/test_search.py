@@ -7,7 +7,6 @@ import pytest
 
 from cruise.effects.coulomb_friction import CoulombFriction
 from cruise.effects.dead_zone import DeadZone
-from cruise.effects.quadratic_gain import QuadraticGain
 from cruise.model import prediction
 from cruise.model.core import Core
 from cruise.recording import Recording
@@ -234,28 +233,3 @@ def test_the_disturbance_is_learned_from_what_no_candidate_explains():
     assert np.linalg.norm(learned["with"] - learned["whole"]) < 0.4 * np.linalg.norm(
         learned["without"] - learned["whole"]
     )
-
-
-# -- where fits start
-
-
-@pytest.mark.parametrize("curvature", [-0.1, 0.04])  # of the usual starts the weakest is 0.16, all curve upwards
-def test_a_weak_effect_is_found_within_the_few_steps_that_a_start_gets(curvature):
-    search = search_of(drive(240.0, 1, 0.2, 0.004, command=lambda u: u * (1.0 + 1e-3 * curvature * np.abs(u))))
-    base = search.fitted(START)
-    promising, _ = search._promising(base.explanation, list(EffectCandidate("quadratic_gain").grown(base.explanation)))
-    best = promising[0][1].effects[0]
-    assert isinstance(best, QuadraticGain)
-    assert best.curvature == pytest.approx(curvature, rel=0.5)
-    assert search.begun(base.explanation, EffectCandidate("quadratic_gain")).cost < 0.9 * base.cost
-
-
-def test_starts_lie_between_the_best_option_and_its_neighbours_too():
-    search = search_of(recorded(240.0, command=lambda u: u - np.clip(u, -200.0, 200.0)))
-    options = [with_effect(START, DeadZone(threshold, 1.0)) for threshold in (50.0, 160.0, 260.0, 500.0)]
-    promising, _ = search._promising(START, options)
-    tried = [start.effects[0] for _, start in promising]
-    thresholds = [one.threshold_ma for one in tried if isinstance(one, DeadZone)]
-    assert len(thresholds) == len(promising)
-    assert 160.0 < thresholds[0] < 260.0
-    assert [left for left, _ in promising] == sorted(left for left, _ in promising)

@@ -25,7 +25,7 @@ from cruise.model.model import Model
 from cruise.recording import Recording, resample
 from cruise.signals import INPUT, OUTPUT
 from cruise.validation.explanation import Explanation
-from cruise.validation.simulation import JUDGED_S, WARM_UP_S, Scene
+from cruise.validation.simulation import JUDGED_S, RAN_AWAY_MPS, WARM_UP_S, Scene
 from tests.validation.driving import drive, wander
 
 PERIOD_S = 0.2
@@ -326,7 +326,9 @@ def test_too_short_a_recording_is_not_judged():
     assert np.isnan(scene.errors([Explanation(CORE, (), (), 0.1)])).all()
 
 
-def test_a_run_that_goes_away_is_no_warning():
+@pytest.mark.parametrize("effect", [SpeedDroop(0.5), SpeedDroop(0.4, 2.2)])
+def test_a_run_that_goes_away_errs_by_a_great_number_without_a_warning(effect):
     scene = scene_of(recording(60.0))
-    (errors,) = scene.errors([Explanation(replace(CORE, gain_mps_per_ma=1e200), (SpeedDroop(0.5),), (), 0.1)])
-    assert not np.isfinite(errors[scene.judged]).all()
+    (errors,) = scene.errors([Explanation(replace(CORE, gain_mps_per_ma=1e200), (effect,), (), 0.1)])
+    assert np.isfinite(errors[scene.judged]).all()
+    assert np.max(np.abs(errors[scene.judged])) > 0.9 * RAN_AWAY_MPS

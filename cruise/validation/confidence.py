@@ -1,5 +1,6 @@
 """How sure a verdict is: the least margin by which anything in the search might have gone the other way."""
 
+from collections.abc import Mapping
 from typing import Final
 
 from cruise.validation.candidates import UNNAMED
@@ -10,8 +11,14 @@ from cruise.validation.trying import BEYOND_DOUBT, ENOUGH, LEAST_GAIN
 
 LEAST_FORETOLD: Final = 0.15  # of the first loss, that the catch-all must foretell for something to be missing,
 LEAST_BESIDE: Final = 0.25  # and of what the named effects explain, for them to be no more than substitutes
-HALF_MARGIN: Final = 2.0  # margin as often right as wrong: tools/blind_trial calibrate, 145 drives of both tiers
-STEEPNESS: Final = 0.44  # likewise
+CURVES: Final[Mapping[str, tuple[float, float]]] = {
+    "nothing": (5.0, 1.2),
+    "missing": (2.0, 0.6),
+    "several": (60.0, 0.3),
+    "ambiguous": (2.0, 0.6),
+    "unlisted": (2.0, 0.5),
+}
+"""M and k of every kind of answer: `tools/blind_trial calibrate`."""
 LEAST_MARGIN: Final = 1.0  # where another does better in its place: seldom right, and not never
 
 
@@ -21,9 +28,15 @@ def excess(hidden: Foretold, base: Judged, final: Judged) -> float:
     return min(hidden.share / CHANCE, hidden.loss / least)
 
 
-def confidence_of(margin: float) -> float:
-    """Confidence of a margin m, 1 / (1 + (M / m)^k); M and k as blind trials have it."""
-    return 1.0 / (1.0 + (HALF_MARGIN / max(margin, LEAST_MARGIN)) ** STEEPNESS)
+def answer_of(verdict: str, effects: int) -> str:
+    """The kind of an answer, as `CURVES` knows it: several effects are one answer, and seldom all right."""
+    return "several" if verdict == "missing" and effects > 1 else verdict
+
+
+def confidence_of(margin: float, answer: str) -> float:
+    """Confidence of a margin m, 1 / (1 + (M / m)^k); M and k as blind trials have it for such answers."""
+    half, steepness = CURVES[answer]
+    return 1.0 / (1.0 + (half / max(margin, LEAST_MARGIN)) ** steepness)
 
 
 def margin_of_the_end(found: Selected) -> float:

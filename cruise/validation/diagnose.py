@@ -16,7 +16,7 @@ import numpy as np
 
 from cruise.effects import EFFECTS
 from cruise.validation.candidates import MEDIATORS, UNNAMED, Refused
-from cruise.validation.confidence import confidence_of, excess, margin_of_the_end
+from cruise.validation.confidence import answer_of, confidence_of, excess, margin_of_the_end
 from cruise.validation.exchange import exchanged
 from cruise.validation.foretold import Foretold, foretold
 from cruise.validation.search import Judged
@@ -94,8 +94,6 @@ def diagnose(study: Study, show: Show = lambda text: None) -> Diagnosis:
     else:
         margin = min([*(one.margin for one in places), margin_of_the_end(found)])
         margin = margin if found.curved else min(margin, ENOUGH * (1.0 - over))
-    confidence = confidence_of(margin)
-    ranking = _ranking(base, found.steps[0], named, confidence)
     verdict, effects, signals, words = Verdict.MISSING, named, (), ""
     if unlisted:
         verdict, effects = Verdict.UNLISTED, ()
@@ -115,11 +113,12 @@ def diagnose(study: Study, show: Show = lambda text: None) -> Diagnosis:
         words = " ".join(f"{name}: {EFFECTS[name].about.experiment}." for name in effects)
     else:
         words = EFFECTS[named[0]].about.experiment
+    confidence = confidence_of(margin, answer_of(verdict, len(effects)))
     return Diagnosis(
         verdict=verdict,
         effects=effects,
         signals=signals,
-        ranking=ranking,
+        ranking=_ranking(base, found.steps[0], named, confidence),
         look_alikes=alike,
         next_experiment=words,
         confidence=confidence,

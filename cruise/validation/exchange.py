@@ -5,11 +5,14 @@ from typing import Final
 
 import numpy as np
 
+from cruise.effects import EFFECTS
 from cruise.validation.candidates import UNNAMED, candidates, without
 from cruise.validation.selection import Selected
 from cruise.validation.study import Study
-from cruise.validation.trying import ALIKE, ENOUGH, LEAST_GAIN, LOOSE, Show, ahead, tried_beside
+from cruise.validation.trying import ALIKE, ENOUGH, LEAST_GAIN, LOOSE, Show, Tried, ahead, counted, tried_beside
 
+TWIN: Final = 1.05  # of the loss: a look-alike that errs no more can't be told apart,
+LIKELY: Final = 0.6  # if there is so much of the evidence for it
 RIVALS: Final = 6  # alternatives for which an effect is exchanged once all are together
 
 
@@ -46,4 +49,13 @@ def exchanged(study: Study, name: str, found: Selected, rng: np.random.Generator
         and one.judged.loss < LOOSE * mine.judged.loss
     )
     rivals = [one for one in others if one.gain >= LEAST_GAIN]
+    twin = max((one for one in rivals if _twins(mine, one)), key=counted, default=None)
+    if twin is not None and not alike:
+        alike = (twin.name,)
     return Place(name, min((ahead(mine, one) for one in rivals), default=ENOUGH), alike)
+
+
+def _twins(mine: Tried, other: Tried) -> bool:
+    """Whether physics calls the other a look-alike, it errs no more, and evidence for it is not far less."""
+    known = other.name in EFFECTS[mine.name].about.look_alikes or mine.name in EFFECTS[other.name].about.look_alikes
+    return known and other.judged.loss < TWIN * mine.judged.loss and other.counted > LIKELY * max(mine.counted, ENOUGH)

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from cruise.effects import EFFECTS as TABLE
 from tools.trial import EFFECTS, UNLISTED, run, sizing
 from tools.trial.__main__ import app
-from tools.trial.calibration import calibrated, confidence
+from tools.trial.calibration import by_answer, calibrated, confidence, restated
 from tools.trial.effects import apart
 from tools.trial.plan import KINDS, Kind, Task, plan
 from tools.trial.score import Line, Share, brier_score, reliability, score
@@ -290,23 +290,33 @@ def test_tenths_hold_their_lower_bound():
 
 def test_calibration_finds_the_curve_that_made_the_answers():
     rng = np.random.default_rng(5)
-    margins = rng.exponential(0.15, 3000)
-    right = rng.uniform(size=3000) < 1.0 / (1.0 + (0.06 / margins) ** 2.5)
+    margins = 1.0 + rng.exponential(15.0, 3000)
+    right = rng.uniform(size=3000) < 1.0 / (1.0 + (6.0 / margins) ** 2.5)
     lines = [
         line("nothing", (), "nothing" if hit else "unlisted", margin=m, confidence=0.5, seed=n)
         for n, (m, hit) in enumerate(zip(margins.tolist(), right.tolist(), strict=True))
     ]
     curve = calibrated(lines)
-    assert curve.half_margin == pytest.approx(0.06, rel=0.1)
+    assert curve.half_margin == pytest.approx(6.0, rel=0.1)
     assert curve.steepness == pytest.approx(2.5, rel=0.1)
     assert curve.brier_before == pytest.approx(0.25)
-    assert curve.brier_after == pytest.approx(brier_score(curve.restated(lines)))
+    assert curve.brier_after == pytest.approx(brier_score(restated(lines, {"nothing": curve, "unlisted": curve})))
     assert curve.brier_after < 0.15
-    assert confidence(0.06, 0.06, 2.5) == pytest.approx(0.5)
-    assert confidence(0.12, 0.06, 2.5) == pytest.approx(1.0 / (1.0 + 0.5**2.5))
-    assert confidence(-1.0, 0.06, 2.5) == pytest.approx(0.0)
-    with pytest.raises(ValueError, match="nothing to calibrate by"):
-        calibrated([one for one in lines if one.right])
+    assert confidence(6.0, 6.0, 2.5) == pytest.approx(0.5)
+    assert confidence(12.0, 6.0, 2.5) == pytest.approx(1.0 / (1.0 + 0.5**2.5))
+
+
+def test_a_few_right_answers_are_no_certainty():
+    few = [line("nothing", (), "nothing", margin=0.5 * n, confidence=0.5, seed=n) for n in range(1, 6)]
+    assert 0.75 < calibrated(few).confidence(1.5) < 0.99
+
+
+def test_every_kind_of_answer_has_its_own_curve():
+    right = [line("nothing", (), "nothing", margin=30.0, confidence=0.5, seed=n) for n in range(20)]
+    wrong = [line("single", ("grade",), "missing", ("leakage", "grade"), margin=30.0, confidence=0.5)] * 10
+    curves = by_answer([*right, *wrong])
+    assert list(curves) == ["nothing", "several"]
+    assert curves["several"].confidence(30.0) < 0.2 < 0.9 < curves["nothing"].confidence(30.0)
 
 
 # run

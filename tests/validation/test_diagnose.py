@@ -7,7 +7,7 @@ from cruise.effects import EFFECTS
 from cruise.effects.dead_zone import DeadZone
 from cruise.identification.structures import parse
 from cruise.validation.candidates import UNNAMED
-from cruise.validation.confidence import HALF_MARGIN, LEAST_FORETOLD, confidence_of
+from cruise.validation.confidence import CURVES, LEAST_FORETOLD, answer_of, confidence_of
 from cruise.validation.diagnose import Diagnosis, Verdict, diagnose
 from cruise.validation.foretold import CHANCE
 from cruise.validation.study import Study, study
@@ -115,7 +115,7 @@ def test_the_ranking_is_of_errors_ahead_and_its_confidences_are_shares(which, re
     (before,) = {line.error_before_mps for line in one.ranking}
     assert before == pytest.approx(np.sqrt(one.base.loss))
     assert 0.0 < one.confidence < 1.0
-    assert one.confidence == confidence_of(one.margin)
+    assert one.confidence == confidence_of(one.margin, answer_of(one.verdict, len(one.effects)))
     others = sum(line.confidence for line in one.ranking if line.effect not in one.effects)
     named = [line for line in one.ranking if line.effect in one.effects]
     assert all(line.confidence == one.confidence for line in named)
@@ -180,7 +180,7 @@ def test_two_signals_that_move_as_one_are_not_told_apart():
     assert set(one.look_alikes[0]) == set(one.effects)
     assert all(f"{name}: {EFFECTS[name].about.experiment}." in one.next_experiment for name in one.effects)
     assert one.margin < ALIKE
-    assert one.confidence < confidence_of(2.0 * ALIKE)
+    assert one.confidence < confidence_of(2.0 * ALIKE, "ambiguous")
 
 
 def test_a_gain_that_is_not_sure_is_not_named(grade, monkeypatch):
@@ -211,11 +211,14 @@ def test_beside_what_was_found_the_catch_all_finds_little(grade, dead_zone, noth
         assert one.hidden.loss < 0.5 * LEAST_FORETOLD * one.base.loss or one.hidden.share < CHANCE
 
 
-def test_confidence_rises_with_the_margin_from_nothing_to_one():
-    margins = [0.0, 0.5 * HALF_MARGIN, HALF_MARGIN, 2.0 * HALF_MARGIN, 1e9 * HALF_MARGIN]
-    values = [confidence_of(margin) for margin in margins]
+@pytest.mark.parametrize("answer", CURVES)
+def test_confidence_rises_with_the_margin_towards_one(answer):
+    values = [confidence_of(margin, answer) for margin in (-1.0, 0.0, 1.0, 10.0, 60.0, 1e30)]
     assert values == sorted(values)
-    assert 0.0 < values[0] < 0.5
-    assert values[2] == pytest.approx(0.5)
+    assert values[0] == values[1] > 0.0
     assert values[-1] == pytest.approx(1.0, abs=1e-3)
-    assert confidence_of(-1.0) == values[0]
+
+
+def test_several_effects_at_once_are_another_answer_than_one():
+    assert [answer_of(Verdict.MISSING, 1), answer_of(Verdict.MISSING, 2)] == ["missing", "several"]
+    assert {answer_of(verdict, 0) for verdict in Verdict} | {"several"} == set(CURVES)

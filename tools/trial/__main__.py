@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from . import files, picture, run
-from .calibration import calibrated
+from .calibration import by_answer, restated
 from .draw import draw, mixture
 from .effects import EFFECTS, UNLISTED
 from .plan import KINDS, plan
@@ -106,15 +106,19 @@ def report(folders: Folders, json_wanted: AsJson = False) -> None:
 
 @app.command()
 def calibrate(folders: Folders) -> None:
-    """Fit confidence = 1 / (1 + (M / margin)^k) to the answers of trials and print M and k; nothing is changed."""
+    """Fit confidence = 1 / (1 + (M / margin)^k) to each kind of answer and print M and k; nothing is changed."""
     lines = _lines(folders)
-    try:
-        curve = calibrated(lines)
-    except ValueError as error:
-        raise typer.BadParameter(str(error)) from error
-    typer.echo(f"M = {curve.half_margin:.4g}, k = {curve.steepness:.3g}, from {curve.answers} answers")
-    typer.echo(f"Brier {curve.brier_before:.4f} as stated, {curve.brier_after:.4f} with this curve")
-    for tenth in score_of(curve.restated(lines)).reliability:
+    curves = by_answer(lines)
+    if not curves:
+        raise typer.BadParameter("no trial was held")
+    for answer, curve in curves.items():
+        typer.echo(
+            f"{answer}: M = {curve.half_margin:.4g}, k = {curve.steepness:.3g}, from {curve.answers} answers; "
+            f"Brier {curve.brier_before:.4f} as stated, {curve.brier_after:.4f} with this curve"
+        )
+    score = score_of(restated(lines, curves))
+    typer.echo(f"all of them: Brier {score.brier:.4f}")
+    for tenth in score.reliability:
         typer.echo(f"  stated {tenth.stated:.3f}, right {tenth.right.value:.3f} of {tenth.right.of}")
 
 

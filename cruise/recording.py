@@ -5,11 +5,10 @@ taken by the very class that takes them online (`sampling.Stream`); else it is t
 or the last value of a held signal. NaN means "not measured", and what was lost or mended is in the recording's notes,
 in words.
 
-A table has a time column and one column a signal; a CSV file is one with a header line. Where every signal comes at
-times of its own, as on a bus, `arranged` follows the same rules.
+A table has a time column and one column a signal. Where every signal comes at times of its own, as on a bus, `arranged`
+follows the same rules.
 """
 
-import csv
 import difflib
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
@@ -91,7 +90,7 @@ class Recording:
     def __post_init__(self) -> None:
         for name in (INPUT, OUTPUT):
             if name not in self.columns:
-                raise RecordingError(f"{self.source}: no signal {name}; it has {_listed(self.columns)}")
+                raise RecordingError(f"{self.source}: no signal {name}; it has {listed(self.columns)}")
         for name, values in self.columns.items():
             if np.shape(values) != np.shape(self.time_s) or np.ndim(values) != 1:
                 raise RecordingError(
@@ -128,29 +127,6 @@ class Recording:
     def context(self) -> dict[str, FloatArray]:
         """Return the further columns that are signals of this project, by name."""
         return {name: self.columns[name] for name in SIGNALS if name in self.columns and name not in (INPUT, OUTPUT)}
-
-
-def read_csv(path: str | Path, settings: RecordingSettings, dt_s: float | None = None) -> Recording:
-    """Read a CSV file onto a uniform grid of `dt_s` (default: the file's own step, rounded to a sensible number).
-
-    Raises RecordingError with file, line or column and what to do.
-    """
-    lines = _lines(path)
-    delimiter = _delimiter(lines)
-    table = _plain_numbers(lines, delimiter)
-    if table is not None:
-        header, _ = _read_rows(path, lines[:1], delimiter)
-        raw = dict(zip(header, table.T, strict=True))
-        return tabulated(str(path), raw, settings, dt_s, lambda row: f"{path}:{row + 2}", f"{path}:1")
-    header, rows = _read_rows(path, lines, delimiter)
-    raw = {name: numbers([row[index] for _, row in rows]) for index, name in enumerate(header)}
-    return tabulated(str(path), raw, settings, dt_s, lambda row: f"{path}:{rows[row][0]}", f"{path}:1")
-
-
-def header_of(path: str | Path) -> list[str]:
-    """Return the names of a CSV file's columns. Raises RecordingError where it has none."""
-    lines = _lines(path)
-    return _read_rows(path, lines[:1], _delimiter(lines))[0]
 
 
 def tabulated(
@@ -273,74 +249,6 @@ def notes_of(recordings: Sequence[Recording]) -> list[str]:
     return [f"{Path(one.source).name}: {note}" for one in recordings for note in one.notes]
 
 
-def write_csv(recording: Recording, path: str | Path) -> None:
-    """Write a recording as CSV, in full precision; a value that was not measured is an empty cell."""
-    names = list(recording.columns)
-    table = np.column_stack([recording.time_s, *(recording.columns[name] for name in names)]).tolist()
-    with Path(path).open("w", encoding="utf-8", newline="") as stream:
-        writer = csv.writer(stream)
-        writer.writerow([TIME, *names])
-        writer.writerows([["" if value != value else value for value in row] for row in table])
-
-
-def _lines(path: str | Path) -> list[str]:
-    try:
-        return Path(path).read_text(encoding="utf-8-sig").splitlines()
-    except FileNotFoundError as error:
-        raise RecordingError(f"{path}: no such file") from error
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise RecordingError(f"{path}: not UTF-8 text at byte {error.start}; is it a CSV file?") from error
-
-
-def _delimiter(lines: Sequence[str]) -> str:
-    return max(",;\t", key=(lines or [""])[0].count)
-
-
-def _plain_numbers(lines: Sequence[str], delimiter: str) -> FloatArray | None:
-    """Return the cells (N, columns) of a table whose every line holds numbers or nothing; None for any other.
-
-    It is twice as fast as cell by cell, which the rest needs: quotes, words, lines that are short or empty.
-    """
-    if len(lines) < 2 or not all(map(str.strip, lines)):
-        return None
-    body = "\n".join(["", *lines[1:], ""])
-    for before, after in ((delimiter, delimiter), (delimiter, delimiter), (delimiter, "\n"), ("\n", delimiter)):
-        body = body.replace(before + after, f"{before}nan{after}")
-    try:
-        table = np.loadtxt(body.splitlines()[1:], delimiter=delimiter, comments=None, ndmin=2)
-    except ValueError:
-        return None
-    if table.shape != (len(lines) - 1, lines[0].count(delimiter) + 1):
-        return None
-    known = np.isfinite(table)
-    return np.where(known, table, np.nan) if known.any(axis=1).all() else None
-
-
-def _read_rows(path: str | Path, lines: Sequence[str], delimiter: str) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    """Return the header and the rows with their line numbers, each as long as the header."""
-    reader = csv.reader(lines, delimiter=delimiter, skipinitialspace=True)
-    rows: list[tuple[int, list[str]]] = []
-    try:
-        header = [name.strip() for name in next(reader, [])]
-        for row in reader:
-            if len(row) > len(header):
-                raise RecordingError(
-                    f"{path}:{reader.line_num}: {len(row)} cells, but the header names {len(header)} columns"
-                )
-            if any(row):
-                rows.append((reader.line_num, row + [""] * (len(header) - len(row))))
-    except csv.Error as error:
-        raise RecordingError(f"{path}:{reader.line_num}: {error}; is it a CSV file?") from error
-    if not any(header) or all(not math.isnan(_number(name)) for name in header):
-        raise RecordingError(f"{path}:1: no header line; the first line has to name the columns")
-    twice = {name for name in header if header.count(name) > 1}
-    if twice:
-        raise RecordingError(f"{path}:1: several columns are named {_listed(sorted(twice))}; rename them")
-    return header, rows
-
-
 def _column(role: str, name: str, where: str, names: Collection[str], settings: RecordingSettings) -> str:
     """Return the column that has this name in the file, else the one that the mapping gives it."""
     mapped = (column for column, one in settings.columns.items() if one.signal == name and column in names)
@@ -355,7 +263,7 @@ def _require(role: str, name: str, where: str, names: Collection[str]) -> None:
     near = difflib.get_close_matches(name, names, n=1)
     hint = f"did you mean {near[0]!r}? " if near else ""
     choose = f"--{role} NAME, or {role}: in the settings" if role in ("input", "output") else f"{role}: in the settings"
-    raise RecordingError(f"{where}: no column {name!r} for {role}; {hint}it has {_listed(names)}; choose with {choose}")
+    raise RecordingError(f"{where}: no column {name!r} for {role}; {hint}it has {listed(names)}; choose with {choose}")
 
 
 def _gate_columns(settings: RecordingSettings) -> list[str]:
@@ -369,22 +277,6 @@ def _signal_of(column: str, settings: RecordingSettings) -> str:
     roles = {TIME: settings.time, INPUT: settings.input, OUTPUT: settings.output}
     # What has the name of the input or output but was not chosen as such stays, under another name.
     return f"recorded_{name}" if name in roles and (chosen is None or roles[name] != name) else name
-
-
-def numbers(texts: Sequence[str]) -> FloatArray:
-    """Return the cells (N,) as numbers, NaN where a text is none or not finite."""
-    try:
-        values = np.array(texts, dtype=float)
-    except ValueError:  # some cell is empty or text: the slow way
-        values = np.array([_number(text) for text in texts])
-    return np.where(np.isfinite(values), values, np.nan)
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        return math.nan
 
 
 def _scaled(values: FloatArray, settings: ColumnSettings | None) -> FloatArray:
@@ -525,5 +417,5 @@ def _read_only(values: Any) -> FloatArray:
     return view
 
 
-def _listed(names: Iterable[str]) -> str:
+def listed(names: Iterable[str]) -> str:
     return ", ".join(names) or "none"

@@ -15,6 +15,7 @@ ROWS = (
     "settings",
     "sampling",
     "recording",
+    "csv_file",
     "effects",
     "model",
     "identification",
@@ -36,7 +37,7 @@ BUS_LIBRARIES = {"can", "cantools", "canopen", "e2e"}
 BUS_ROWS = {"can"}
 CLOCKS = {"time", "datetime", "asyncio", "threading", "sched"}
 CLOCK_ROWS = {"can", "service", "workbench", "cli"}  # the last two for the date in a model file
-FILE_ROWS = {"settings", "recording", "can", "service", "workbench", "cli"}
+FILE_ROWS = {"settings", "csv_file", "can", "service", "workbench", "cli"}
 FILE_CALLS = {"open", "read_text", "read_bytes", "write_text", "write_bytes", "loadtxt", "genfromtxt", "savetxt"}
 
 
@@ -132,7 +133,7 @@ def test_a_planted_violation_is_found(path: str, source: str, complaint: str):
 @pytest.mark.parametrize(
     ("path", "source"),
     [
-        ("cruise/recording.py", "from cruise.sampling import Kind\nopen('x')"),
+        ("cruise/csv_file.py", "from cruise.sampling import Kind\nopen('x')"),
         ("cruise/can/bus.py", "import time\nimport can\nfrom cruise.settings import SettingsError"),
         ("cruise/plant/combine.py", "from cruise.plant.pump import Pump\nfrom cruise import signals"),
         ("cruise/service/loop.py", "import time\nfrom cruise.identification import x\nfrom cruise.control import law"),

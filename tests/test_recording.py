@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from cruise.csv_file import read_csv, write_csv
 from cruise.recording import (
     ActiveWhen,
     ColumnSettings,
@@ -18,9 +19,7 @@ from cruise.recording import (
     RecordingError,
     RecordingSettings,
     arranged,
-    read_csv,
     resample,
-    write_csv,
 )
 from cruise.sampling import Kind, means
 from cruise.signals import INPUT, OUTPUT

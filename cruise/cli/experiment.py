@@ -22,8 +22,9 @@ from cruise.cli.places import CONFIG, OUT
 from cruise.cli.run import Running
 from cruise.control.commissioning import CommissioningSettings, Experiment
 from cruise.control.excitation import Multisine
+from cruise.csv_file import write_csv
 from cruise.plant import PlantSettings
-from cruise.recording import Recording, write_csv
+from cruise.recording import Recording
 from cruise.service import experiments as service
 from cruise.service import settings as service_settings
 from cruise.service.loop import serve

@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 from msgspec.structs import replace
 
+from cruise.csv_file import write_csv
 from cruise.plant import Combine, Inputs, PlantSettings, SensorReading
 from cruise.plant.engine import EngineSettings
 from cruise.plant.line import LineSettings
@@ -19,7 +20,7 @@ from cruise.plant.pump import PumpSettings
 from cruise.plant.sensors import SensorsSettings
 from cruise.plant.settings import LINEAR
 from cruise.plant.vehicle import TransmissionSettings, VehicleSettings
-from cruise.recording import Recording, write_csv
+from cruise.recording import Recording
 from cruise.sampling import SamplingSettings, StreamSampler
 from cruise.signals import CONTEXT, INPUT, OUTPUT
 

@@ -9,9 +9,9 @@ import pytest
 
 from cruise import cli, settings
 from cruise.cli.places import CONFIG
+from cruise.csv_file import write_csv
 from cruise.model import files
 from cruise.plant import PlantSettings
-from cruise.recording import write_csv
 from cruise.service import course, demo
 from cruise.service import settings as service_settings
 from cruise.validation import ladder as validation

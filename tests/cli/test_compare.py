@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from cruise.cli.places import CONFIG
-from cruise.recording import Recording, write_csv
+from cruise.csv_file import write_csv
+from cruise.recording import Recording
 from cruise.report import comparison_picture
 from cruise.signals import INPUT, OUTPUT
 from tests.validation.machine import record

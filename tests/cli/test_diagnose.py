@@ -9,9 +9,10 @@ import pytest
 
 from cruise import cli
 from cruise.cli import diagnose_words
+from cruise.csv_file import write_csv
 from cruise.effects import EFFECTS
 from cruise.identification.structures import parse
-from cruise.recording import Recording, write_csv
+from cruise.recording import Recording
 from cruise.report import diagnosis, diagnosis_picture, evidence
 from cruise.report.curve import curve
 from cruise.report.diagnosis_figures import report

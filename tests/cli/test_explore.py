@@ -8,7 +8,8 @@ import typer
 from typer.testing import CliRunner
 
 from cruise.cli.explore import explore
-from cruise.recording import RecordingError, write_csv
+from cruise.csv_file import write_csv
+from cruise.recording import RecordingError
 from tests.identification.explore.drives import lag, noise, recording, steps, through
 
 APP = typer.Typer(pretty_exceptions_enable=False)

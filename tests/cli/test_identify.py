@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from cruise.cli.places import CONFIG
+from cruise.csv_file import write_csv
 from cruise.model import files
-from cruise.recording import Recording, write_csv
+from cruise.recording import Recording
 from cruise.signals import INPUT, OUTPUT
 from tools.benchmarks.recovery import SYSTEMS, currents, filtered, recording
 

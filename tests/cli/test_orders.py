@@ -5,11 +5,11 @@ import json
 import numpy as np
 import pytest
 
+from cruise.csv_file import write_csv
 from cruise.effects.dead_zone import DeadZone
 from cruise.model import files
 from cruise.model.files import Provenance
 from cruise.model.model import Model
-from cruise.recording import write_csv
 from tools.benchmarks.recovery import SYSTEMS, recording
 
 

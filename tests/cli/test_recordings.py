@@ -11,7 +11,8 @@ from cruise.can.codec import Codec
 from cruise.can.settings import CanSettings
 from cruise.cli import reading
 from cruise.cli.places import CONFIG
-from cruise.recording import Recording, write_csv
+from cruise.csv_file import write_csv
+from cruise.recording import Recording
 from cruise.signals import INPUT, OUTPUT
 
 DBC = CONFIG / "cruise.dbc"

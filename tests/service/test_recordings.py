@@ -18,7 +18,8 @@ from cruise.can.codec import Codec
 from cruise.can.frame import Frame
 from cruise.can.log import LogError, LogWriter
 from cruise.can.settings import CanSettings, SourceAddresses
-from cruise.recording import ActiveWhen, ColumnSettings, RecordingError, read_csv, write_csv
+from cruise.csv_file import read_csv, write_csv
+from cruise.recording import ActiveWhen, ColumnSettings, RecordingError
 from cruise.sampling import SamplingSettings, StreamSampler
 from cruise.service.recordings import ReadingSettings, frames_of_log, is_log, measurement, read_recording
 from cruise.settings import SettingsError

@@ -5,7 +5,8 @@ import re
 import numpy as np
 import pytest
 
-from cruise.recording import Recording, write_csv
+from cruise.csv_file import write_csv
+from cruise.recording import Recording
 from tests.validation.driving import drive, wander
 from tests.workbench.conftest import laid_out
 from tests.workbench.test_walk import go, idle

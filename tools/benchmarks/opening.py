@@ -19,7 +19,8 @@ from pyarrow import parquet
 from cruise.can.codec import Codec
 from cruise.can.frame import Frame
 from cruise.can.settings import CanSettings
-from cruise.recording import Recording, write_csv
+from cruise.csv_file import write_csv
+from cruise.recording import Recording
 from cruise.service.combine_node import MESSAGES
 from cruise.service.recordings import ReadingSettings, read_recording
 from cruise.signals import CONTEXT, INPUT, OUTPUT, SIGNALS

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from cruise.can.decoder import Decoder
-from cruise.recording import header_of
+from cruise.csv_file import header_of
 from cruise.service.recordings import MEASUREMENT, is_log
 from cruise.service.recordings.bus_log import collect, frames_of_log
 from cruise.service.recordings.measurement import channels_of

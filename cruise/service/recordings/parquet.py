@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from cruise.recording import Recording, RecordingError, RecordingSettings, numbers, tabulated
+from cruise.csv_file import numbers
+from cruise.recording import Recording, RecordingError, RecordingSettings, tabulated
 from cruise.sampling import FloatArray
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from cruise.validation.trying import ENOUGH, Show, Step, Tried, close, counted, 
 
 FURTHER: Final = 75.0  # evidence from which a further effect is one, as no form of the first is exact,
 LEAST_FURTHER: Final = 0.25  # likewise, of the present loss,
-LEAST_SHARE: Final = 0.05  # and of the first loss
+LEAST_SHARE: Final = 0.04  # and of the first loss
 LEAST_CURVED: Final = 0.45  # of the loss, that a free curve must explain to have the word
 CURVED: Final = (60.0, 0.05)  # evidence, and share of it, by which a free curve must exceed all effects
 SAME_SIGNAL: Final = 0.85  # of what a curve takes away: an effect of the same signal that takes as much is the curve

@@ -22,7 +22,7 @@ from cruise.validation.study import Study
 ENOUGH: Final = 60.0  # evidence from which an effect is more than a little of everything
 LEAST_GAIN: Final = 0.15  # of the present loss: errors that fall by less than 8 % are not worth a name
 LEAST_LEFT: Final = 1e-9  # of the loss: what is left of it where there is no noise at all
-SURE: Final = 1.6  # standard errors of a held-out gain; a few blocks may hold all of it
+SURE: Final = 1.3  # standard errors of a held-out gain; a few blocks may hold all of it
 BEYOND_DOUBT: Final = 6.0  # standard errors that a background, which has its moments, does not reach
 MEDIATED: Final = 0.3  # of the present loss: all that an effect may leave through whose signal every force acts
 MORE: Final = 0.8  # of what the best direct cause leaves: with less, and with

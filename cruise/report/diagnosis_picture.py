@@ -51,7 +51,7 @@ def draw(found: Diagnosis, floor: NoiseFloor, path: Path) -> Path:
     _minute(parts[0], found, floor, shown)
     for part, one in zip(parts[1:-1], shown, strict=True):
         left, right = part.subplots(1, 2)
-        _signature(left, one)
+        _signature(left, found, one)
         _curve(right, found, one)
     _ranking(parts[-1], found, floor)
     figure_.savefig(path, dpi=DPI)
@@ -70,6 +70,11 @@ def _shown(found: Diagnosis) -> list[Rung]:
     return [evidence.rung(found, found.base, one.judged) for one in tried if one is not None]
 
 
+def _added(found: Diagnosis, names: Sequence[str]) -> str:
+    """What was added, in words; a force that nobody recorded is no effect of the table, though one shows it."""
+    return f"what {' and '.join(found.signals)} shows" if found.unrecorded else _called(names)
+
+
 def _called(names: Sequence[str]) -> str:
     """Names of effects as they are written in the picture."""
     return " and ".join(
@@ -84,12 +89,12 @@ def _models(found: Diagnosis, shown: Sequence[Rung]) -> list[tuple[str, Judged, 
     ]
     if found.explained and found.verdict is not Verdict.AMBIGUOUS:
         added = [name for one in shown for name in one.added]
-        models.append((f"with {_called(added)}", found.final, {"color": BLUE, "lw": 1.4}))
+        models.append((f"with {_added(found, added)}", found.final, {"color": BLUE, "lw": 1.4}))
         return models
     styles = ({"color": BLUE, "lw": 1.4}, {"color": GREEN, "lw": 1.2, "ls": "-."}, {"color": RED, "lw": 1.0, "ls": ":"})
     for one, style in zip(shown, styles, strict=False):
         believed = "" if found.explained else ", not believed"
-        models.append((f"with {_called(one.added)}{believed}", one.after, style))
+        models.append((f"with {_added(found, one.added)}{believed}", one.after, style))
     return models
 
 
@@ -146,7 +151,7 @@ def telling_stretch(found: Diagnosis, after: Judged) -> tuple[int, slice]:
     return best[1], best[2]
 
 
-def _signature(axis: Any, one: Rung) -> None:
+def _signature(axis: Any, found: Diagnosis, one: Rung) -> None:
     """The residual before and after over what the effect changes in the prediction."""
     before, after = one.before.error_mps, one.after.error_mps
     signature = before - after
@@ -159,7 +164,7 @@ def _signature(axis: Any, one: Rung) -> None:
         middles, ten, median, ninety = binned(x, error[known])
         axis.fill_between(middles, ten, ninety, color=color, alpha=0.2, lw=0)
         axis.plot(middles, median, color=color, marker=marker, ms=4, lw=1.4, label=f"{label}: median, 10 to 90 %")
-    name = _called(one.added)
+    name = _added(found, one.added)
     axis.set_title(f"what the model leaves, against the signature of {name}", loc="left", fontsize="medium")
     axis.set_xlabel(f"change of the predicted speed by {name} (m/s)")
     axis.set_ylabel("measured - predicted (m/s)")
@@ -205,7 +210,7 @@ def _curve(axis: Any, found: Diagnosis, one: Rung) -> None:
             drawn.x, drawn.y - band, drawn.y + band, color=BLUE, alpha=0.2, lw=0, label="± 2 standard errors"
         )
     beside = "; grey: how often it was driven" if drawn.driven is not None else ""
-    axis.set_title(f"{_called([name])} as fitted{beside}", loc="left", fontsize="medium")
+    axis.set_title(f"{_added(found, [name])}, as fitted{beside}", loc="left", fontsize="medium")
     axis.set_xlabel(f"{drawn.x_name} ({drawn.x_unit})" if drawn.x_unit else drawn.x_name)
     axis.set_ylabel(drawn.y_words)
     axis.grid(alpha=0.3)

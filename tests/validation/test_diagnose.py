@@ -6,6 +6,7 @@ import pytest
 from cruise.effects import EFFECTS
 from cruise.effects.dead_zone import DeadZone
 from cruise.identification.structures import parse
+from cruise.report.diagnosis import sentence
 from cruise.validation.candidates import UNNAMED
 from cruise.validation.confidence import CURVES, LEAST_FORETOLD, answer_of, confidence_of
 from cruise.validation.diagnose import Diagnosis, Verdict, diagnose
@@ -222,3 +223,29 @@ def test_confidence_rises_with_the_margin_towards_one(answer):
 def test_several_effects_at_once_are_another_answer_than_one():
     assert [answer_of(Verdict.MISSING, 1), answer_of(Verdict.MISSING, 2)] == ["missing", "several"]
     assert {answer_of(verdict, 0) for verdict in Verdict} | {"several"} == set(CURVES)
+
+
+# -- line pressure holds every force
+
+
+def pressed(pressure_bar: np.ndarray, load_mps: np.ndarray) -> Diagnosis:
+    columns = {"pitch_deg": PITCH, "header_height_mm": HEADER, "line_pressure_bar": pressure_bar}
+    one = drive(SECONDS, 4, DT_S, 0.02, columns=columns, load_mps=load_mps)
+    return diagnose(study([one], STRUCTURE, None, PERIOD_S))
+
+
+def test_a_force_that_nobody_recorded_shows_in_the_pressure_and_is_no_leakage():
+    wind_mps = wander(SAMPLES, DT_S, 13, 0.2, 4.0)
+    one = pressed(120.0 - 300.0 * wind_mps, wind_mps)
+    assert one.unrecorded
+    assert (one.verdict, one.effects, one.signals) == (Verdict.UNLISTED, (), ("line_pressure_bar",))
+    assert one.explained
+    assert one.final.loss < 0.1 * one.base.loss
+    assert "a force that nobody recorded. It shows in `line_pressure_bar`" in sentence(one)
+
+
+def test_what_the_pressure_costs_whoever_moves_it_is_leakage():
+    pressure_bar = 120.0 + 15.0 * PITCH + 0.6 * (HEADER - 300.0)
+    one = pressed(pressure_bar, -0.004 * (pressure_bar - 120.0))
+    assert not one.unrecorded
+    assert (one.verdict, one.effects) == (Verdict.MISSING, ("leakage",))

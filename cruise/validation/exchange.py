@@ -50,7 +50,7 @@ def exchanged(study: Study, name: str, found: Selected, rng: np.random.Generator
     )
     rivals = [one for one in others if one.gain >= LEAST_GAIN]
     twin = max((one for one in rivals if _twins(mine, one)), key=counted, default=None)
-    if twin is not None and not alike:
+    if twin is not None:  # physics says more than a little evidence
         alike = (twin.name,)
     return Place(name, min((ahead(mine, one) for one in rivals), default=ENOUGH), alike)
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Final
 
-from cruise.cli.picture import BLUE, GREY
+from cruise.report.colours import BLUE, GREY
 
 from .trial import BEST, Run
 

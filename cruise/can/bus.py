@@ -3,7 +3,8 @@
 Within one process it is python-can's virtual bus, between processes a SocketCAN interface. Every wait ends at a time
 of time.monotonic(): python-can's own waits count on the wall clock and stall when that is set back. What the kernel
 has to say about a bus is sorted into three: no room for a frame now (`Sent.NO_ROOM`, counted), a bus that went away
-(`BusLostError`), and what the user has to set up first (`SettingsError`). Bus-off and its like come as error frames.
+(`BusLostError`), and what the user has to set up first (`SettingsError`). Bus-off and its like come as error frames and
+are kept in `health`. Whoever drives by the bus holds it by a `PatientBus`, which opens it again after it went away.
 
 Sources: Linux kernel documentation, networking/can.rst; python-can 4.6, SocketcanBus and VirtualBus.
 """
@@ -13,15 +14,16 @@ import queue
 import select
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from enum import StrEnum
 from types import TracebackType
-from typing import Final, Self
+from typing import Final, NamedTuple, Self
 
 import can
 from can.interfaces.socketcan import SocketcanBus
 from can.interfaces.virtual import VirtualBus
 
+from cruise.can.error_frames import BusHealth, health_after
 from cruise.can.frame import Frame
 from cruise.can.settings import CanSettings
 from cruise.settings import SettingsError
@@ -29,6 +31,15 @@ from cruise.settings import SettingsError
 _NO_CAN: Final = {errno.EAFNOSUPPORT, errno.EPROTONOSUPPORT, errno.ESOCKTNOSUPPORT}
 _NO_ROOM: Final = {errno.ENOBUFS, errno.EAGAIN}
 _NO_CODE: Final = (None, 0)  # python-can's "Transmit buffer full" carries none
+FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.1, 5.0  # s between two tries to open a bus that went away
+
+
+class Filter(NamedTuple):
+    """Lets a frame pass whose identifier agrees with this one in the bits of the mask."""
+
+    identifier: int
+    mask: int
+    extended: bool
 
 
 class BusLostError(Exception):
@@ -40,6 +51,7 @@ class Sent(StrEnum):
 
     SENT = "sent"
     NO_ROOM = "no_room"  # the transmit queue is full: nobody acknowledges, or more is sent than the bus carries
+    LOST = "lost"  # there is no bus now; said by a PatientBus only
 
 
 class Bus(ABC):
@@ -48,6 +60,7 @@ class Bus(ABC):
     def __init__(self, name: str) -> None:
         self.name = name
         self.no_room = 0  # frames that were not sent since the bus was opened
+        self.health = BusHealth.ACTIVE
 
     @abstractmethod
     def send(self, frame: Frame) -> Sent:
@@ -134,16 +147,86 @@ class KernelBus(Bus):
         if not ready:
             return None
         try:
-            return self._bus.recv(0.0)
+            frame = self._bus.recv(0.0)
         except can.CanOperationError as error:
             raise self._lost(error) from error
+        if frame is not None and frame.is_error_frame:
+            self.health = health_after(self.health, frame)
+        return frame
 
     def _lost(self, error: can.CanOperationError) -> BusLostError:
         return BusLostError(f"CAN interface {self.name}: {error}; see `ip -details link show {self.name}`")
 
 
-def open_bus(settings: CanSettings, connect: Callable[..., can.BusABC] = can.Bus) -> Bus:
-    """Open the bus of the settings. `connect` makes python-can's bus, for tests.
+class PatientBus(Bus):
+    """A bus that is opened again after it went away, after ever longer pauses. Once made it never raises.
+
+    `health` is LOST until a frame has come again: a socket opens on an interface that is down, too.
+    """
+
+    def __init__(self, name: str, open_again: Callable[[], Bus]) -> None:
+        super().__init__(name)
+        self.losses = 0
+        self._open = open_again
+        self._bus: Bus | None = open_again()
+        self._pause_s = FIRST_PAUSE_S
+        self._next_s = 0.0
+
+    def send(self, frame: Frame) -> Sent:
+        if self._bus is None:
+            return Sent.LOST
+        try:
+            sent = self._bus.send(frame)
+        except BusLostError:
+            self._lose()
+            return Sent.LOST
+        self.no_room += sent is Sent.NO_ROOM
+        return sent
+
+    def close(self) -> None:
+        if self._bus is not None:
+            self._bus.close()
+
+    def _take(self, timeout_s: float) -> Frame | None:
+        if self._bus is None:
+            self._try_again(timeout_s)
+            return None
+        try:
+            frame = self._bus._take(timeout_s)
+        except BusLostError:
+            self._lose()
+            return None
+        if frame is not None:
+            self.health, self._pause_s = self._bus.health, FIRST_PAUSE_S
+        return frame
+
+    def _lose(self) -> None:
+        self.close()
+        self._bus, self.health = None, BusHealth.LOST
+        self.losses += 1
+        self._pause()
+
+    def _try_again(self, timeout_s: float) -> None:
+        wait_s = self._next_s - time.monotonic()
+        if wait_s > 0.0:
+            time.sleep(min(wait_s, timeout_s))
+            return
+        try:
+            self._bus = self._open()
+        except SettingsError:
+            self._pause()
+
+    def _pause(self) -> None:
+        self._next_s = time.monotonic() + self._pause_s
+        self._pause_s = min(2.0 * self._pause_s, LONGEST_PAUSE_S)
+
+
+def open_bus(
+    settings: CanSettings, connect: Callable[..., can.BusABC] = can.Bus, filters: Sequence[Filter] = ()
+) -> Bus:
+    """Open the bus of the settings; of a kernel's, only frames that pass one of `filters` come, where there are any.
+
+    Error frames always come. `connect` makes python-can's bus, for tests.
 
     Raises SettingsError where the kernel has no CAN or no such interface, with the command that helps.
     """
@@ -152,8 +235,9 @@ def open_bus(settings: CanSettings, connect: Callable[..., can.BusABC] = can.Bus
         local = connect(interface="virtual", channel=name, preserve_timestamps=True)
         assert isinstance(local, VirtualBus)
         return LocalBus(local, name)
+    wanted = [{"can_id": one.identifier, "can_mask": one.mask, "extended": one.extended} for one in filters] or None
     try:
-        kernel = connect(interface="socketcan", channel=name, receive_own_messages=False)
+        kernel = connect(interface="socketcan", channel=name, receive_own_messages=False, can_filters=wanted)
     except OSError as error:
         raise SettingsError(_remedy(settings, error)) from error
     assert isinstance(kernel, SocketcanBus)

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from cruise.can import database, j1939, protection
+from cruise.can.bus import Filter
 from cruise.can.database import Field, Layout
 from cruise.can.frame import Frame, FrameFault
 from cruise.can.messages import FORWARD, REVERSE, Direction
@@ -58,6 +59,11 @@ class Codec:
         Raises SettingsError that names file, message and signal where one is missing or has another width.
         """
         return cls(database.layouts(path, settings), settings.max_counter_step)
+
+    @property
+    def filters(self) -> tuple[Filter, ...]:
+        """What the kernel has to let pass for `decode` to see all of its messages, whoever sends them."""
+        return tuple(Filter(pgn_bits, j1939.PGN_MASK, True) for pgn_bits in self._by_pgn)
 
     def decode(self, frame: Frame) -> Decoded:
         """Return the readings in `frame`, at its timestamp; never raises, whatever was on the bus."""

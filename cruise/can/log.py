@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
 from types import TracebackType
-from typing import Final, Self
+from typing import Final, Self, TextIO
 
 import can
 from can.io.blf import BLFParseError
@@ -61,6 +61,11 @@ class LogWriter:
             return cls(can.CanutilsLogWriter(path, channel=channel))
         except OSError as error:
             raise LogError(f"{path}: cannot be written: {error.strerror}") from error
+
+    @classmethod
+    def into(cls, stream: TextIO, channel: str = "can0") -> Self:
+        """Begin a log in a stream that is open for writing; it is closed with the log."""
+        return cls(can.CanutilsLogWriter(stream, channel=channel))
 
     def write(self, frame: Frame) -> None:
         """Append one frame."""

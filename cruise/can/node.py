@@ -4,9 +4,11 @@ The library's protocol machines, without its threads: frames are handed in, `tic
 argument. Raw values are 0.001 m/s and 0.05 mA a bit; 0xFFFF, 0x8000 and 0xFF are "not available".
 
 A master starts the node (NMT start): before that, and after NMT stop, PDOs are neither taken nor sent. NMT stop asks
-for neutral (`neutral_requested`).
+for neutral (`neutral_requested`), and so does the loss of the heartbeat of the node that object 1016h names. An
+emergency message says when something goes wrong, and another when all of it is right again.
 
-Sources: CiA 301 4.2, 7.2.8 (NMT, heartbeat), 7.2.2 (PDO), 7.2.4 (SDO); the objects are described in config/cruise.eds.
+Sources: CiA 301 4.2, 7.2.8 (NMT, heartbeat), 7.2.7 (EMCY), 7.2.2 (PDO), 7.2.4 (SDO); the objects are described in
+config/cruise.eds.
 """
 
 import configparser
@@ -20,13 +22,23 @@ import msgspec
 from canopen.network import PeriodicMessageTask
 from canopen.objectdictionary import ODVariable
 
+from cruise.can.bus import Filter
 from cruise.can.frame import Frame
+from cruise.can.heartbeat import HEARTBEAT_CONSUMER, HEARTBEAT_ID, HeartbeatConsumer
+from cruise.can.node_texts import NodeTexts
 from cruise.settings import SettingsError
 from cruise.signals import SIGNALS, Reading
 
+STANDARD_MASK: Final = 0x7FF
 NMT_ID: Final = 0x000
 SDO_REQUEST_ID: Final = 0x600
+ERROR_REGISTER: Final = 0x1001
 NMT_COMMANDS: Final = {1, 2, 128, 129, 130}  # start, stop, enter pre-operational, reset node, reset communication
+FAULT_STATE: Final = 3.0  # engagement_state
+EMERGENCIES: Final = {  # code of CiA 301, table 26, and bits of the error register 1001h
+    "heartbeat": (0x8130, 0x11),  # heartbeat of the operator's panel lost; communication
+    "fault": (0xFF00, 0x81),  # cruise control in the state fault; specific to the device
+}
 STATUS: Final = {  # TPDO object: scale in its unit per bit, lowest and highest raw value, raw value for "not available"
     "ground_speed_mps": (0.001, -32767, 32767, -32768),
     "followed_setpoint_mps": (0.001, 0, 0xFAFF, 0xFFFF),
@@ -41,6 +53,8 @@ class CanopenSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
     """Where the node is on the bus."""
 
     node_id: Annotated[int, msgspec.Meta(ge=1, le=127)] = 17  # CiA 301: 1..127, unique on the bus
+    panel_node_id: Annotated[int, msgspec.Meta(ge=0, le=127)] = 0  # whose heartbeat is watched; 0: nobody's
+    panel_timeout_ms: Annotated[int, msgspec.Meta(ge=10, le=65535)] = 250  # ms; object 1016h takes both over
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +64,7 @@ class NodeStatus:
     ground_speed_mps: float
     followed_setpoint_mps: float
     pump_current_ma: float
-    engagement_state: float  # 0 off, 1 standby, 2 engaged, 3 fault, 4 commissioning
+    engagement_state: float  # as in config/cruise.eds: 0 off .. 6 overridden
 
 
 class _Task(PeriodicMessageTask):
@@ -97,6 +111,7 @@ class CanopenNode:
 
     def __init__(self, dictionary: canopen.ObjectDictionary, settings: CanopenSettings) -> None:
         self._network = _Network()
+        self._node_id = settings.node_id
         self._node = canopen.LocalNode(settings.node_id, dictionary)
         self._network[settings.node_id] = self._node
         self._node.rpdo.read()
@@ -108,6 +123,12 @@ class CanopenNode:
         self._readings: list[Reading] = []
         self._received_s = 0.0
         self._status_due_s = -math.inf
+        self._panel = HeartbeatConsumer()
+        self._errors: tuple[str, ...] = ()
+        if HEARTBEAT_CONSUMER in dictionary and settings.panel_node_id:
+            entry = settings.panel_node_id << 16 | settings.panel_timeout_ms
+            self._node.set_data(HEARTBEAT_CONSUMER, 1, entry.to_bytes(4, "little"))
+            self._panel.watch(entry)
 
     @classmethod
     def load(cls, path: str | Path, settings: CanopenSettings) -> "CanopenNode":
@@ -125,18 +146,33 @@ class CanopenNode:
         return node
 
     @property
+    def filters(self) -> tuple[Filter, ...]:
+        """What the kernel has to let pass for `receive` to see all that concerns the node."""
+        wanted = (NMT_ID, SDO_REQUEST_ID + self._node_id, self._rpdo.cob_id or 0)
+        heartbeats = Filter(HEARTBEAT_ID, HEARTBEAT_ID, False)  # object 1016h may name another node at any time
+        return (*(Filter(identifier, STANDARD_MASK, False) for identifier in wanted), heartbeats)
+
+    @property
     def state(self) -> str:
         """NMT state: INITIALISING, PRE-OPERATIONAL, OPERATIONAL or STOPPED."""
         return self._node.nmt.state
 
     @property
     def neutral_requested(self) -> bool:
-        """Whether a master stopped the node."""
-        return self.state == "STOPPED"
+        """Whether a master stopped the node, or the panel's heartbeat is lost."""
+        return self.state == "STOPPED" or "heartbeat" in self._errors
+
+    def describe(self, texts: NodeTexts) -> None:
+        """Let `texts` answer for the objects that it knows."""
+        self._node.add_read_callback(texts.read)
+        self._node.add_write_callback(texts.write)
 
     def receive(self, frame: Frame) -> tuple[Reading, ...]:
         """Take any frame in and return what it sets, NaN where it says "not available"; never raises."""
-        if frame.is_extended_id or frame.is_error_frame or frame.is_remote_frame or not self._concerns(frame):
+        if frame.is_extended_id or frame.is_error_frame or frame.is_remote_frame:
+            return ()
+        self._panel.receive(frame)
+        if not self._concerns(frame):
             return ()
         self._received_s = frame.timestamp
         self._network.notify(frame.arbitration_id, frame.data, frame.timestamp)
@@ -151,12 +187,32 @@ class CanopenNode:
         if self.state == "INITIALISING":
             self._node.nmt.state = "INITIALISING"  # sends the boot-up message
             self._node.nmt.state = "PRE-OPERATIONAL"
+        self._warn(now_s, status)
         self._network.tick(now_s)
         if _is_due(self._status_due_s, now_s):
             self._status_due_s = _next(self._status_due_s, (self._tpdo.event_timer or 100) / 1000.0, now_s)
             self._publish(status)
         outbox, self._network.outbox = self._network.outbox, []
         return [Frame(now_s, can_id, is_extended_id=False, data=data, is_rx=False) for can_id, data in outbox]
+
+    def _warn(self, now_s: float, status: NodeStatus) -> None:
+        """Tell of what has gone wrong since the last tick, or that nothing is wrong any more."""
+        there = {"heartbeat": self._panel.lost(now_s), "fault": status.engagement_state == FAULT_STATE}
+        errors = tuple(name for name in EMERGENCIES if there[name])
+        if errors == self._errors:
+            return
+        new = [name for name in errors if name not in self._errors]
+        self._errors = errors
+        register = 0
+        for name in errors:
+            register |= EMERGENCIES[name][1]
+        self._node.set_data(ERROR_REGISTER, 0, bytes([register]))
+        if self.state == "STOPPED":
+            return
+        for name in new:
+            self._node.emcy.send(EMERGENCIES[name][0], register)
+        if not errors:
+            self._node.emcy.reset()
 
     def _concerns(self, frame: Frame) -> bool:
         if frame.arbitration_id == self._rpdo.cob_id:
@@ -167,7 +223,10 @@ class CanopenNode:
             return frame.data[0] in NMT_COMMANDS
         return self.state != "STOPPED"
 
-    def _written(self, od: ODVariable, data: bytes, **_: object) -> None:
+    def _written(self, index: int, od: ODVariable, data: bytes, **_: object) -> None:
+        if index == HEARTBEAT_CONSUMER:
+            self._panel.watch(int.from_bytes(data, "little"))
+            return
         scale = COMMANDS.get(od.name)
         if scale is not None:
             value = int.from_bytes(data, "little") * scale  # both are unsigned

@@ -57,6 +57,19 @@ class DataIds(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
             raise ValueError("two messages with the same data id could be taken for each other; give each its own")
 
 
+class NameSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Who we are to other J1939 controllers: the parts of our NAME (SAE J1939-81, 4.2)."""
+
+    identity_number: Annotated[int, msgspec.Meta(ge=0, lt=2**21)] = 0  # serial number
+    manufacturer_code: Annotated[int, msgspec.Meta(ge=0, lt=2**11)] = 0  # the integrator's, assigned by SAE
+    ecu_instance: Annotated[int, msgspec.Meta(ge=0, lt=2**3)] = 0
+    function_instance: Annotated[int, msgspec.Meta(ge=0, lt=2**5)] = 0
+    function: Annotated[int, msgspec.Meta(ge=0, lt=2**8)] = 14  # table B11: cruise control
+    vehicle_system: Annotated[int, msgspec.Meta(ge=0, lt=2**7)] = 0
+    vehicle_system_instance: Annotated[int, msgspec.Meta(ge=0, lt=2**4)] = 0
+    industry_group: Annotated[int, msgspec.Meta(ge=0, lt=2**3)] = 2  # agricultural and forestry
+
+
 class CanSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The bus and everything on it that a machine may need otherwise."""
 
@@ -65,6 +78,7 @@ class CanSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     bitrate_bps: Annotated[int, msgspec.Meta(ge=10_000, le=1_000_000)] = 250_000
     """bit/s; ISO 11783-2 has 250000. It is set with `ip link`, not by this program, which only names it in errors."""
     addresses: SourceAddresses = SourceAddresses()
+    name: NameSettings = NameSettings()
     pgns: ProprietaryPgns = ProprietaryPgns()
     data_ids: DataIds = DataIds()
     max_counter_step: Annotated[int, msgspec.Meta(ge=1, le=7)] = 3

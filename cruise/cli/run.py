@@ -7,52 +7,78 @@ from typing import Annotated
 
 import typer
 
-from cruise.can.bus import open_bus
 from cruise.cli.places import CONFIG
 from cruise.service import settings as service_settings
 from cruise.service.cruise_node import CruiseNode
-from cruise.service.loop import Lateness, serve
+from cruise.service.daemon import Daemon
+from cruise.service.notify import Notifier
+from cruise.settings import SettingsError
 
 
 class Running:
-    """True until a signal asks to stop."""
+    """True until a signal asks to stop, or to read the settings again (SIGHUP, `reload`)."""
 
     def __init__(self) -> None:
-        self.stopped = False
+        self.stopped = self.reload = False
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, self._stop)
+        signal.signal(signal.SIGHUP, self._reload)
 
     def _stop(self, number: int, frame: object) -> None:
         self.stopped = True
 
+    def _reload(self, number: int, frame: object) -> None:
+        self.reload = True
+
     def __call__(self) -> bool:
         """Whether to go on."""
-        return not self.stopped
+        return not (self.stopped or self.reload)
 
 
 def run(
     config: Annotated[Path, typer.Argument(help="Settings of the service.")] = CONFIG / "cruise.yaml",
     quiet: Annotated[bool, typer.Option(help="No line of status every 10 s.")] = False,
 ) -> None:
-    """Run the cruise control on the bus until it is stopped; the last command is neutral."""
-    settings = service_settings.load(config)
-    node = CruiseNode.load(settings)
-    lateness, running = Lateness(), Running()
-    lines_at_s = ended_s = 0.0
-    told = "", ""
+    """Run the cruise control on the bus until it is stopped; the last command is neutral. SIGHUP reads the settings."""
+    settings, running, notifier = service_settings.load(config), Running(), Notifier.of()
+    while True:
+        daemon = Daemon(settings, notifier, lambda line: print(f"cruise: {line}", file=sys.stderr, flush=True))
+        can = settings.can
+        print(f"cruise: on {can.bus} {can.channel}, command every {daemon.node.period_s} s", flush=True)
+        daemon.run(running, (lambda now_s: None) if quiet else Lines(daemon.node))
+        lateness = daemon.lateness
+        print(
+            f"cruise: stopped, neutral sent; ticks late by p50 {lateness.quantile_ms(0.5):.1f}, "
+            f"p99 {lateness.quantile_ms(0.99):.1f}, max {lateness.worst_ms:.1f} ms; {lateness.missed} left out",
+            file=sys.stderr,
+        )
+        if running.stopped or not running.reload:
+            break
+        running.reload = False
+        notifier.reloading()
+        try:
+            settings = service_settings.load(config)
+        except SettingsError as error:
+            print(f"cruise: the settings stay as they were: {error}", file=sys.stderr)
+    notifier.tell("STOPPING=1")
 
-    def each_tick(now_s: float) -> None:
-        nonlocal lines_at_s, ended_s, told
-        ended_s = now_s
-        if quiet:
+
+class Lines:
+    """A line of status every 10 s, and at once where the operator has done something."""
+
+    def __init__(self, node: CruiseNode) -> None:
+        self._node = node
+        self._next_s = 0.0
+        self._told = "", ""
+
+    def __call__(self, now_s: float) -> None:
+        """Print, if it is time to."""
+        engagement = self._node.engagement
+        doing = engagement.refused, engagement.experiment.name if engagement.experiment else ""
+        if doing == self._told and now_s < self._next_s:
             return
-        status = node.status(now_s)
-        if (status.refused, status.experiment) != told:  # what the operator has just done is answered at once
-            told = status.refused, status.experiment
-            lines_at_s = now_s
-        if now_s < lines_at_s:
-            return
-        lines_at_s = now_s + 10.0
+        self._told, self._next_s = doing, now_s + 10.0
+        status = self._node.status(now_s)
         driven = f"  experiment {status.experiment}, {status.experiment_left_s:.0f} s left" if status.experiment else ""
         refused = f"  refused: {status.refused}" if status.refused else ""
         print(
@@ -61,16 +87,3 @@ def run(
             f"{driven}{refused}",
             flush=True,
         )
-
-    with open_bus(settings.can) as bus:
-        print(f"cruise: on {settings.can.bus} {settings.can.channel}, command every {node.period_s} s", flush=True)
-        try:
-            serve(node, bus, running, each_tick, lateness)
-        finally:  # whatever ended it: as long as there is a bus, the last word on it is neutral
-            for frame in node.stop(ended_s):
-                bus.send(frame)
-    print(
-        f"cruise: stopped, neutral sent; ticks late by p50 {lateness.quantile_ms(0.5):.1f}, "
-        f"p99 {lateness.quantile_ms(0.99):.1f}, max {lateness.worst_ms:.1f} ms; {lateness.missed} left out",
-        file=sys.stderr,
-    )

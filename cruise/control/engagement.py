@@ -1,7 +1,19 @@
-"""Who drives: off, standby, engaged, commissioning or fault, as one table of transitions.
+"""Who drives, as one table of transitions; nothing engages by itself.
 
-Rows are tried from the top and the first that holds is taken, so the order is the priority. The machine engages on a
-rising edge of a button only, never because a condition went away. Exit reasons are those of ISO 11783-7, SPN 5818.
+    off ── standby ── engaging ── engaged          the controller drives in engaging and engaged
+              │           └──────────┴── overridden ── standby
+              └── commissioning                    an experiment drives
+    fault: from any of them; only switching off and on leads out
+
+Rows are tried from the top and the first that holds is taken, so the order is the priority. A row acts in the cycle in
+which its condition is seen. The machine engages on a rising edge of a button in standby only, never because a condition
+went away. Exit reasons are those of ISO 11783-7, SPN 5818.
+
+Engaging is the take-over: it begins with the current and the speed that the machine has, and gently, and is over once
+the speed has reached the setpoint; a machine that can't get there stays in it and says so. Overridden is what ISO 11783
+calls an operator's override: brake, clutch or lever. The controller has let go for good by then; the state says that a
+person is acting, and until pedals and lever have been left alone for a while no button is taken. It is not the override
+of a car's cruise control, which comes back when the pedal is released: here release never engages again.
 
 Commissioning takes two deliberate acts: the panel asks for an experiment by its number, and keeps asking, and then the
 operator presses `set`, near standstill with the lever at rest. Letting go of either the request or the machine's
@@ -14,20 +26,30 @@ from dataclasses import dataclass
 from enum import IntEnum, StrEnum
 from typing import Final
 
-import msgspec
-
 from cruise.control.commissioning import CommissioningSettings, Experiment
-from cruise.settings import Positive
+from cruise.control.situation import EngagementSettings, Situation, against_commissioning, against_engaging
 
 
 class State(StrEnum):
-    """Who owns the current."""
+    """Who owns the current. Their order is their number on the bus: new ones are appended."""
 
     OFF = "off"  # main switch off
     STANDBY = "standby"  # ready, a person drives
     ENGAGED = "engaged"  # the controller drives
     FAULT = "fault"  # a person drives; only switching off and on leads out
     COMMISSIONING = "commissioning"  # an experiment drives, for identification
+    ENGAGING = "engaging"  # the controller drives, and is not yet at the setpoint
+    OVERRIDDEN = "overridden"  # a person took over and still acts
+
+    @property
+    def controls(self) -> bool:
+        """Whether the controller drives."""
+        return self in (State.ENGAGING, State.ENGAGED)
+
+    @property
+    def drives(self) -> bool:
+        """Whether the program owns the current, by controller or experiment."""
+        return self.controls or self is State.COMMISSIONING
 
 
 class ExitReason(IntEnum):
@@ -38,45 +60,9 @@ class ExitReason(IntEnum):
     RELEASED = 2  # control of the function released
     OVERRIDE = 3  # operator override of the function
     CONTROL_POSITION = 4  # operator control not in a valid position
+    COMMAND_TIMEOUT = 5  # remote command timed out
     COMMAND_INVALID = 6  # remote command out of range or invalid
     FUNCTION_FAULT = 9  # fault of the function
-
-
-class EngagementSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Within what the machine may be driven."""
-
-    speed_min_mps: Positive = 0.3  # m/s, slower is manoeuvring, a person's work
-    speed_max_mps: Positive = 8.5  # m/s, just over 30 km/h, the road limit of most machines
-    setpoint_step_mps: Positive = 0.1  # m/s, of the buttons accelerate and coast
-    lever_moved_pct: Positive = 5.0  # %, change of the lever that means the operator wants it
-    overspeed_mps: Positive = 0.6  # m/s above setpoint and reference: something else drives
-
-
-@dataclass(frozen=True, slots=True)
-class Situation:
-    """What a decision needs to know, at one instant. NaN and False where nothing is known."""
-
-    enable: bool  # main switch
-    set: bool  # buttons as they stand
-    resume: bool
-    accelerate: bool
-    coast: bool
-    operator_present: bool  # the panel's frames are fresh
-    signals_valid: bool  # everything that estimator and controller need is fresh and measured
-    drive_signals_valid: (
-        bool  # current, speed, gear, lever and pedals are fresh and measured: an experiment needs these
-    )
-    model_ready: bool  # the observer has caught up with the machine
-    healthy: bool  # bus and program
-    brake: bool
-    clutch: bool
-    gear: float
-    lever_pct: float
-    speed_mps: float
-    requested_mps: float  # setpoint on the bus
-    reference_mps: float  # what the controller follows now
-    requested_experiment: int  # number that the panel asks for, 0: none
-    experiment_over: bool  # the running experiment has come to its end
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,27 +75,28 @@ class Transition:
     reason: ExitReason
 
 
-_ANY_EXIT: Final = (
-    ("unhealthy", State.FAULT, ExitReason.FUNCTION_FAULT),
-    ("operator_lost", State.STANDBY, ExitReason.OPERATOR_LOST),
-    ("switched_off", State.OFF, ExitReason.RELEASED),
-    ("brake", State.STANDBY, ExitReason.OVERRIDE),
-    ("clutch", State.STANDBY, ExitReason.OVERRIDE),
-    ("lever_moved", State.STANDBY, ExitReason.OVERRIDE),
-    ("neutral", State.STANDBY, ExitReason.CONTROL_POSITION),
-    ("signals_lost", State.STANDBY, ExitReason.FUNCTION_FAULT),
-    ("setpoint_invalid", State.STANDBY, ExitReason.COMMAND_INVALID),
-    ("overspeed", State.FAULT, ExitReason.FUNCTION_FAULT),
-)
-
 _ANY_END: Final = (
     ("unhealthy", State.FAULT, ExitReason.FUNCTION_FAULT),
     ("operator_lost", State.STANDBY, ExitReason.OPERATOR_LOST),
     ("switched_off", State.OFF, ExitReason.RELEASED),
-    ("brake", State.STANDBY, ExitReason.OVERRIDE),
-    ("clutch", State.STANDBY, ExitReason.OVERRIDE),
-    ("lever_moved", State.STANDBY, ExitReason.OVERRIDE),
+    ("brake", State.OVERRIDDEN, ExitReason.OVERRIDE),
+    ("clutch", State.OVERRIDDEN, ExitReason.OVERRIDE),
+    ("lever_moved", State.OVERRIDDEN, ExitReason.OVERRIDE),
     ("neutral", State.STANDBY, ExitReason.CONTROL_POSITION),
+)
+
+_ANY_EXIT: Final = (
+    *_ANY_END,
+    ("signals_lost", State.STANDBY, ExitReason.FUNCTION_FAULT),
+    ("shifted", State.STANDBY, ExitReason.CONTROL_POSITION),
+    ("setpoint_lost", State.STANDBY, ExitReason.COMMAND_TIMEOUT),
+    ("setpoint_invalid", State.STANDBY, ExitReason.COMMAND_INVALID),
+    ("implausible", State.FAULT, ExitReason.FUNCTION_FAULT),
+    ("overspeed", State.FAULT, ExitReason.FUNCTION_FAULT),
+)
+
+_EXPERIMENT_END: Final = (
+    *_ANY_END,
     ("drive_signals_lost", State.STANDBY, ExitReason.FUNCTION_FAULT),
     ("gear_changed", State.STANDBY, ExitReason.CONTROL_POSITION),
     ("request_withdrawn", State.STANDBY, ExitReason.RELEASED),
@@ -118,13 +105,18 @@ _ANY_END: Final = (
 )
 
 TRANSITIONS: Final[tuple[Transition, ...]] = (
-    *(Transition(State.ENGAGED, condition, target, reason) for condition, target, reason in _ANY_EXIT),
-    *(Transition(State.COMMISSIONING, condition, target, reason) for condition, target, reason in _ANY_END),
+    *(Transition(State.ENGAGED, *row) for row in _ANY_EXIT),
+    *(Transition(State.ENGAGING, *row) for row in _ANY_EXIT),
+    Transition(State.ENGAGING, "reached", State.ENGAGED, ExitReason.NONE),
+    *(Transition(State.COMMISSIONING, *row) for row in _EXPERIMENT_END),
     Transition(State.OFF, "switched_on", State.STANDBY, ExitReason.NONE),
     Transition(State.STANDBY, "unhealthy", State.FAULT, ExitReason.FUNCTION_FAULT),
     Transition(State.STANDBY, "switched_off", State.OFF, ExitReason.NONE),
     Transition(State.STANDBY, "commission", State.COMMISSIONING, ExitReason.NONE),
-    Transition(State.STANDBY, "engage", State.ENGAGED, ExitReason.NONE),
+    Transition(State.STANDBY, "engage", State.ENGAGING, ExitReason.NONE),
+    Transition(State.OVERRIDDEN, "unhealthy", State.FAULT, ExitReason.FUNCTION_FAULT),
+    Transition(State.OVERRIDDEN, "switched_off", State.OFF, ExitReason.NONE),
+    Transition(State.OVERRIDDEN, "left_alone", State.STANDBY, ExitReason.NONE),
     Transition(State.FAULT, "switched_off", State.OFF, ExitReason.NONE),
 )
 
@@ -149,20 +141,26 @@ class Engagement:
         self.setpoint_mps = math.nan
         self.exit_reason = ExitReason.NONE
         self.exit_condition = ""
+        self.exit_detail = ""  # which signals contradicted each other, where that was the reason
         self.refused = ""  # why the last press of a button neither engaged nor began an experiment
         self._last: Situation | None = None
         self._requested_mps = math.nan  # last setpoint on the bus; a pause of its frames is no new word
-        self._lever_pct = math.nan  # where the lever stood when the controller or the experiment took over
+        self._commanded = False  # a setpoint was heard while the controller drives: from then on it must not be missing
+        self._lever_pct = math.nan  # where the lever stood at the take-over, or when it was moved last
+        self._gear = math.nan  # at the take-over
+        self._acted_s = -math.inf  # when a pedal or the lever was last seen in use while overridden
 
     def step(self, now: Situation) -> State:
         """One instant on."""
         last, self._last = self._last, now
+        if self.state is State.OVERRIDDEN:
+            self._watch_operator(now)
         holds = self._conditions(now, last)
         for row in TRANSITIONS:
             if row.source is self.state and holds[row.condition]:
                 self._enter(row, now)
                 break
-        if self.state is State.ENGAGED and last is not None:
+        if self.state.controls and last is not None:
             self._follow(now, last)
         if math.isfinite(now.requested_mps):
             self._requested_mps = now.requested_mps
@@ -181,11 +179,16 @@ class Engagement:
             "switched_off": now.operator_present and not now.enable,
             "brake": now.brake,
             "clutch": now.clutch,
-            "lever_moved": abs(now.lever_pct - self._lever_pct) > settings.lever_moved_pct,
+            "lever_moved": self._lever_moved(now),
+            "left_alone": now.time_s - self._acted_s > settings.override_s,
             "neutral": now.gear <= 0,
+            "shifted": now.gear != self._gear and not settings.shifts_under_way,
             "signals_lost": not now.signals_valid,
+            "setpoint_lost": self._commanded and math.isnan(now.requested_mps),
             "setpoint_invalid": not settings.speed_min_mps <= target_mps <= settings.speed_max_mps,
+            "implausible": bool(now.contradiction),
             "overspeed": now.speed_mps - max(target_mps, now.reference_mps) > settings.overspeed_mps,
+            "reached": abs(now.speed_mps - target_mps) <= settings.reached_mps,
             "drive_signals_lost": not now.drive_signals_valid,
             "gear_changed": experiment is not None and now.gear != experiment.conditions.gear,
             "request_withdrawn": experiment is not None and now.requested_experiment != experiment.number,
@@ -196,63 +199,45 @@ class Engagement:
         }
 
     def _may_engage(self, now: Situation) -> bool:
-        settings = self.settings
-        wanted = now.speed_mps if now.set else now.requested_mps
-        obstacles = {
-            "signals are missing": not now.signals_valid,
-            "the panel's frames are missing": not now.operator_present,
-            "the observer has not caught up yet": not now.model_ready,
-            "brake or clutch is pressed": now.brake or now.clutch,
-            "no gear is engaged": not now.gear > 0,
-            "the machine is too slow or too fast": not settings.speed_min_mps
-            <= now.speed_mps
-            <= settings.speed_max_mps,
-            "the setpoint is out of range": not settings.speed_min_mps <= wanted <= settings.speed_max_mps,
-        }
-        return self._unless(obstacles)
-
-    def _may_commission(self, now: Situation, last: Situation | None) -> bool:
-        settings, experiment = self.commissioning, self.experiments.get(now.requested_experiment)
-        if settings is None or experiment is None:
-            what = "the settings have no commissioning" if settings is None else "no experiment has this number"
-            return self._unless({what: True})
-        gear = experiment.conditions.gear
-        obstacles = {
-            "an experiment begins with set, not with resume": not now.set,
-            "the experiment has to be asked for before the button": last is None
-            or last.requested_experiment != now.requested_experiment,
-            "signals are missing": not now.drive_signals_valid,
-            "the panel's frames are missing": not now.operator_present,
-            "brake or clutch is pressed": now.brake or now.clutch,
-            f"the experiment is for gear {gear}": now.gear != gear,
-            "the lever is not at rest": not abs(now.lever_pct) <= settings.lever_rest_pct,
-            "the machine is not near standstill": not abs(now.speed_mps) <= settings.start_speed_max_mps,
-        }
-        return self._unless(obstacles)
-
-    def _unless(self, obstacles: Mapping[str, bool]) -> bool:
-        """Whether none of the obstacles is there; the first one that is says why the button was refused."""
-        self.refused = next((reason for reason, there in obstacles.items() if there), "")
+        self.refused = against_engaging(now, self.settings)
         return not self.refused
 
+    def _may_commission(self, now: Situation, last: Situation | None) -> bool:
+        assert last is not None
+        experiment = self.experiments.get(now.requested_experiment)
+        self.refused = against_commissioning(now, last, self.commissioning, experiment)
+        return not self.refused
+
+    def _lever_moved(self, now: Situation) -> bool:
+        return abs(now.lever_pct - self._lever_pct) > self.settings.lever_moved_pct
+
+    def _watch_operator(self, now: Situation) -> None:
+        """Note when pedals or lever were last in use."""
+        if now.brake or now.clutch or self._lever_moved(now) or not now.operator_present:
+            self._acted_s, self._lever_pct = now.time_s, now.lever_pct
+
     def _enter(self, row: Transition, now: Situation) -> None:
-        if row.source in (State.ENGAGED, State.COMMISSIONING):
+        if row.source.drives and not row.target.drives:
             self.exit_reason, self.exit_condition = row.reason, row.condition
-        if row.target is State.ENGAGED:
+            self.exit_detail = now.contradiction if row.condition == "implausible" else ""
+        if row.target is State.OVERRIDDEN:
+            self._acted_s, self._lever_pct = now.time_s, now.lever_pct
+        if row.target.drives and not row.source.drives:
+            self.exit_reason, self.exit_condition, self.exit_detail = ExitReason.NONE, "", ""
+            self._lever_pct, self._gear = now.lever_pct, now.gear
+        if row.target is State.ENGAGING:
             self.setpoint_mps = now.speed_mps if now.set else now.requested_mps
-            self.exit_reason, self.exit_condition = ExitReason.NONE, ""
-            self._lever_pct = now.lever_pct
+            self._commanded = False
         if row.target is State.COMMISSIONING:
             self.experiment = self.experiments[now.requested_experiment]
             self.setpoint_mps = math.nan  # none holds, and none is left over for later
-            self.exit_reason, self.exit_condition = ExitReason.NONE, ""
-            self._lever_pct = now.lever_pct
         self.state = row.target
 
     def _follow(self, now: Situation, last: Situation) -> None:
         """The operator's newest word is the setpoint: a new request on the bus, or a press of a button."""
         settings = self.settings
         wanted = self.setpoint_mps
+        self._commanded = self._commanded or math.isfinite(now.requested_mps)
         if math.isfinite(now.requested_mps) and now.requested_mps != self._requested_mps:
             wanted = now.requested_mps
         wanted += settings.setpoint_step_mps * (now.accelerate and not last.accelerate)

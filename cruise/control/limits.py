@@ -40,11 +40,11 @@ class Limits:
         self.last_ma = self._inside(current_ma)
 
     def step(self, wanted_ma: float, dt_s: float) -> float:
-        """The current that may be sent now. Not a number gives neutral."""
-        if not math.isfinite(wanted_ma):
+        """The current that may be sent now. What is not a number, or a time that runs back, gives neutral."""
+        if not (math.isfinite(wanted_ma) and math.isfinite(dt_s) and dt_s >= 0.0):
             return self.neutral()
-        reach = self.settings.rate_max_ma_per_s * dt_s
-        self.last_ma = self._inside(min(max(wanted_ma, self.last_ma - reach), self.last_ma + reach))
+        reach, last_ma = self.settings.rate_max_ma_per_s * dt_s, self._inside(self.last_ma)
+        self.last_ma = self._inside(min(max(wanted_ma, last_ma - reach), last_ma + reach))
         return self.last_ma
 
     def _inside(self, current_ma: float) -> float:

@@ -49,8 +49,8 @@ class Estimator:
         self.factory = factory
         self.settings = settings
         std = factory.theta_std or tuple(abs(value) * 0.3 + 1e-6 for value in factory.theta)
-        noise_std = settings.noise_factor * factory.residual_std_mps
-        self.rls = SquareRootRls(np.array(factory.theta), np.array(std), noise_std)
+        self._noise_std = settings.noise_factor * factory.residual_std_mps
+        self.rls = SquareRootRls(np.array(factory.theta), np.array(std), self._noise_std)
         self.filter = LearningFilter(len(factory.theta) + 1, factory.period_s, settings.cutoff_hz, settings.mean_s)
         self.gate = GateKeeper(settings.gate, factory.period_s)
         self.state: ModelState | None = None  # after the last sample
@@ -106,6 +106,11 @@ class Estimator:
         if not (np.isfinite(theta).all() and np.isfinite(root).all() and self._safe(theta)):
             raise ValueError("saved parameters are not those of a stable drive with a positive gain")
         self.rls.theta, self.rls.root, self.rls.turn = theta, root, int(saved["turn"])
+        self.state = None
+
+    def forget(self) -> None:
+        """Begin anew with the factory's parameters and uncertainty."""
+        self.rls = SquareRootRls(self.rls.prior, self.rls.prior_std, self._noise_std)
         self.state = None
 
     def _complete(self, sample: Sample) -> bool:

@@ -4,29 +4,30 @@ It has no clock and no bus: the loop hands it frames and the time, and sends wha
 """
 
 import math
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from cruise import settings as strict
 from cruise.can.codec import Codec
 from cruise.can.frame import Frame
-from cruise.can.messages import FAST_MESSAGE
 from cruise.can.node import CanopenNode, NodeStatus
 from cruise.control.commissioning import Commissioning, CommissioningLimits, Experiment, Experiments, check
 from cruise.control.controller import Command, Controller
-from cruise.control.engagement import Engagement, ExitReason, Situation, State
+from cruise.control.engagement import Engagement, ExitReason, State
+from cruise.control.plausibility import Plausibility, Seen
+from cruise.control.situation import Situation
 from cruise.estimation.estimator import Estimator, Learned
 from cruise.estimation.gate import Gate
 from cruise.estimation.supervision import Supervisor
 from cruise.model import files
 from cruise.model.model import Model
 from cruise.sampling import StreamSampler
+from cruise.service.hearing import RADAR, Hearing
+from cruise.service.pace import Pace
 from cruise.service.settings import CruiseSettings
+from cruise.service.telling import Telling
 from cruise.signals import CONTEXT, INPUT, OUTPUT, Sample
 
-WHEEL_BASED = 0.0  # ISO 11783-7, SPN 4308: the drive's own speed comes from its gearbox
-PAUSE_S = 0.15  # s between two ticks, beyond which the drive may have gone to neutral: a paused process lets go
 SPEED_PERIOD_S = 0.1  # s, of the machine selected speed (ISO 11783-7)
 _OPERATOR = ("cruise_enable", "cruise_set", "cruise_resume", "cruise_accelerate", "cruise_coast")
 _SAFETY = ("brake_pedal", "clutch_pedal", "lever_pct")
@@ -54,6 +55,7 @@ class Status:
     adoptions: int
     exit_reason: ExitReason
     exit_condition: str
+    exit_detail: str
     refused: str
     faults: dict[str, int]
     missing: tuple[str, ...]
@@ -73,6 +75,9 @@ class CruiseNode:
         self.settings = settings
         self.period_s = settings.control.frame_s
         self.codec = codec
+        self.telling = Telling(codec)
+        self.hearing = Hearing(codec, settings.sampling, self.period_s)
+        self.plausibility: Plausibility | None = Plausibility(settings.plausibility, self.period_s)
         self.canopen = canopen
         self.sampler = StreamSampler(settings.sampling, _SAMPLED)  # over a period of the model, to learn from
         self.frame_sampler = StreamSampler(settings.sampling, _FRAMES)  # over a frame, to drive by
@@ -88,10 +93,8 @@ class CruiseNode:
             commissioning.limits if commissioning else CommissioningLimits(), self.period_s
         )
         self.needed = (INPUT, OUTPUT, *model.needs, *_SAFETY)
-        self.latest: dict[str, tuple[float, float]] = {}
-        self.faults: Counter[str] = Counter()
         self.ticks = 0
-        self.last_s = math.nan  # time of the last tick
+        self.pace = Pace(self.period_s)
         self.speed_every = max(round(SPEED_PERIOD_S / self.period_s), 1)
         self.sample: Sample | None = None
         self.learned = Learned(math.nan, math.nan, Gate.WARMING_UP)
@@ -114,42 +117,39 @@ class CruiseNode:
         if self.canopen is not None:
             for reading in self.canopen.receive(frame):
                 if by_canopen:
-                    self.latest[reading.name] = (reading.time_s, reading.value)
-        decoded = self.codec.decode(frame)
-        if decoded.fault is not None:
-            self.faults[str(decoded.fault)] += 1
-        for reading in decoded.readings:
-            if reading.name in (INPUT, OUTPUT) and decoded.message != FAST_MESSAGE:
-                continue
-            if by_canopen and reading.name in _ASKED:
-                continue
-            self.latest[reading.name] = (reading.time_s, reading.value)
+                    self.hearing.latest[reading.name] = (reading.time_s, reading.value)
+        ignored = _ASKED if by_canopen else ()
+        for reading in self.hearing.take(frame, ignored):
             if reading.name in self.sampler.streams:
                 self.sampler.push(reading.name, reading.time_s, reading.value)
             if reading.name in self.frame_sampler.streams:
                 self.frame_sampler.push(reading.name, reading.time_s, reading.value)
+            if self.plausibility is not None:
+                self.plausibility.read(reading.name, reading.time_s, reading.value)
 
     def tick(self, now_s: float) -> list[Frame]:
         """One frame period on: learn and plan where a model period ends, decide who drives, command the pump."""
         sample = self._next_sample(now_s)
         if sample is not None:
             self._learn(sample)
-        paused = now_s - self.last_s > max(PAUSE_S, 3.0 * self.period_s)
-        self.last_s = now_s
+        on_time = self.pace.tick(now_s)
+        frame = self._frame(now_s)
+        contradiction = self.plausibility.step(self._seen(frame)) if self.plausibility is not None else ""
         situation = self._situation(now_s)
-        state = self.engagement.step(replace(situation, healthy=False) if paused else situation)
-        setpoint_mps = self.engagement.setpoint_mps if state is State.ENGAGED else None
-        self.command = self.controller.step(self._frame(now_s), setpoint_mps)
+        before = self.engagement.state
+        state = self.engagement.step(
+            replace(situation, healthy=situation.healthy and on_time, contradiction=contradiction)
+        )
+        if state.controls and not before.controls:
+            self.hearing.remember(now_s)
+        setpoint_mps = self.engagement.setpoint_mps if state.controls else None
+        self.command = self.controller.step(frame, setpoint_mps)
         if state is State.COMMISSIONING:
             self.command = Command(self._excite(now_s), math.nan, math.nan, "")
         else:
             self.commissioning.end(now_s)
         self.ticks += 1
-        frames = [self._command_frame(now_s)]
-        if self.settings.commissioning is not None:
-            frames.append(self._commissioning_frame(now_s))
-        if self.ticks % self.speed_every == 0:
-            frames.append(self._speed_frame(now_s))
+        frames = self._frames(now_s, speed=self.ticks % self.speed_every == 0)
         if self.canopen is not None:
             frames += self.canopen.tick(now_s, self._node_status(now_s))
         return frames
@@ -160,8 +160,7 @@ class CruiseNode:
         self.healthy = False
         self.command = self.controller.step(self._frame(now_s), None)
         self.commissioning.end(now_s)
-        frames = [self._command_frame(now_s), self._speed_frame(now_s)]
-        return frames if self.settings.commissioning is None else [*frames, self._commissioning_frame(now_s)]
+        return self._frames(now_s, speed=True)
 
     def status(self, now_s: float) -> Status:
         """What to show."""
@@ -181,8 +180,9 @@ class CruiseNode:
             adoptions=self.supervisor.adoptions,
             exit_reason=self.engagement.exit_reason,
             exit_condition=self.engagement.exit_condition,
+            exit_detail=self.engagement.exit_detail,
             refused=self.engagement.refused,
-            faults=dict(self.faults),
+            faults=dict(self.hearing.faults),
             missing=self.missing,
         )
 
@@ -197,7 +197,7 @@ class CruiseNode:
             means.get(INPUT, math.nan),
             means.get(OUTPUT, math.nan),
             signals,
-            engaged=self.engagement.state is State.ENGAGED,
+            engaged=self.engagement.state.controls,
             reference_mps=self.controller.reference.speed_mps,
             overridden=means.get("brake_pedal", 0.0) > 0.5 or means.get("clutch_pedal", 0.0) > 0.5,
         )
@@ -235,9 +235,26 @@ class CruiseNode:
             self.controller.adopt(adopted)
 
     def _value(self, name: str, now_s: float) -> float:
-        """The newest value of a signal; NaN where it is stale or was not measured."""
-        time_s, value = self.latest.get(name, (-math.inf, math.nan))
-        return value if now_s - time_s <= self.settings.sampling.stale_after(name) else math.nan
+        return self.hearing.value(name, now_s)
+
+    def _seen(self, frame: Sample) -> Seen:
+        """What the checks of plausibility compare."""
+        controller, controls = self.controller, self.engagement.state.controls
+        return Seen(
+            time_s=frame.time_s,
+            speed_mps=frame.speed_mps,
+            wheel_mps=frame.signals["wheel_speed_mps"],
+            radar_mps=self._value(RADAR, frame.time_s),
+            current_ma=frame.current_ma,
+            engine_rpm=frame.signals["engine_speed_rpm"],
+            commanded_ma=self.command.current_ma if controls else math.nan,
+            reference_mps=controller.past_references[0] if controls else math.nan,
+            disturbance_mps=controller.observer.disturbance_mps if controller.state is not None else math.nan,
+            crowding=self.hearing.crowding(frame.time_s),
+            faulty_share=self.hearing.faulty_share,
+            imposters=self.hearing.imposters,
+            pace=self.pace.slowness,
+        )
 
     def _situation(self, now_s: float) -> Situation:
         def on(name: str) -> bool:
@@ -245,6 +262,7 @@ class CruiseNode:
 
         self.missing = tuple(name for name in self.needed if not math.isfinite(self._value(name, now_s)))
         return Situation(
+            time_s=now_s,
             enable=on("cruise_enable") and not (self.canopen is not None and self.canopen.neutral_requested),
             set=on("cruise_set"),
             resume=on("cruise_resume"),
@@ -256,6 +274,7 @@ class CruiseNode:
             signals_valid=not self.missing and self.learned.gate is not Gate.STALE_SIGNAL,
             model_ready=self.controller.state is not None and self.learned.gate is not Gate.WARMING_UP,
             healthy=self.healthy,
+            contradiction="",
             brake=on("brake_pedal"),
             clutch=on("clutch_pedal"),
             gear=self._value("gear", now_s),
@@ -267,31 +286,14 @@ class CruiseNode:
             experiment_over=self.commissioning.over(now_s),
         )
 
-    def _command_frame(self, now_s: float) -> Frame:
-        active = self.engagement.state in (State.ENGAGED, State.COMMISSIONING)
-        values = {
-            "pump_current_command_ma": self.command.current_ma if active else 0.0,
-            "command_active": float(active),
-        }
-        return self.codec.encode("PumpCurrentCommand", values, now_s)
-
-    def _speed_frame(self, now_s: float) -> Frame:
-        values = {
-            "machine_selected_speed_mps": self._value(OUTPUT, now_s),
-            "speed_source": WHEEL_BASED,
-            "exit_reason": float(self.engagement.exit_reason),
-            "limit_status": float(self.command.limit_status),
-        }
-        return self.codec.encode("MachineSelectedSpeed", values, now_s)
-
-    def _commissioning_frame(self, now_s: float) -> Frame:
-        experiment = self.engagement.experiment
-        values = {
-            "driven_experiment": float(experiment.number) if experiment else 0.0,
-            "experiment_progress": float(self.commissioning.progress),
-            "experiment_left_s": self.commissioning.left_s(now_s),
-        }
-        return self.codec.encode("CommissioningStatus", values, now_s)
+    def _frames(self, now_s: float, speed: bool) -> list[Frame]:
+        engagement, tell = self.engagement, self.telling
+        frames = [tell.command(engagement, self.command, now_s)]
+        if speed:
+            frames.append(tell.speed(engagement, self.command, self._value(OUTPUT, now_s), now_s))
+        if self.settings.commissioning is not None:
+            frames.append(tell.experiment(engagement, self.commissioning, now_s))
+        return frames
 
     def _node_status(self, now_s: float) -> NodeStatus:
         return NodeStatus(

@@ -130,17 +130,19 @@ def serve(
     running: Callable[[], bool],
     each_tick: Callable[[float], None] | None = None,
     lateness: Lateness | None = None,
+    wall_clock: bool = False,
 ) -> None:
     """Run one node on the monotonic clock while `running()`; time starts at zero.
 
-    A tick that comes more than a period late is counted, and what it missed is left out rather than made up.
+    A tick that comes more than a period late is counted, and what it missed is left out rather than made up. Frames
+    get the loop's own time of arrival; a log keeps the kernel's instead, on the wall clock.
     """
     begin = time.monotonic()
     ticks = 0
     while running():
         due = begin + (ticks + 1) * node.period_s
         while (frame := bus.receive(due)) is not None:
-            node.receive(_stamped(frame, time.monotonic() - begin))
+            node.receive(frame if wall_clock else _stamped(frame, time.monotonic() - begin))
         late_s = time.monotonic() - due
         ticks += 1
         if late_s > node.period_s:

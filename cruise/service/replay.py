@@ -55,6 +55,7 @@ def replay(
 ) -> Replayed:
     """Play every file, one after the other, to one node."""
     node = CruiseNode.load(settings)
+    node.plausibility = None  # what a log holds was commanded by another run than this one
     model = node.estimator.factory
     sender = Codec.load(settings.database, settings.can)
     recordings, start_s = [], 0.0
@@ -63,8 +64,8 @@ def replay(
         samples = list(_play(frames, node, start_s))
         if not any(math.isfinite(sample.speed_mps) for sample in samples):
             raise RecordingError(
-                f"{path}: holds no frame of {FAST_MESSAGE} that could be taken; frame faults: {dict(node.faults)}; "
-                "check the addresses and PGNs in the settings"
+                f"{path}: holds no frame of {FAST_MESSAGE} that could be taken; "
+                f"frame faults: {dict(node.hearing.faults)}; check the addresses and PGNs in the settings"
             )
         recording = _recording(samples, model.period_s, Path(path).name, tuple(notes))
         absent = model.missing(recording.columns)

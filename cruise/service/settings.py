@@ -10,10 +10,12 @@ from cruise.can.node import CanopenSettings
 from cruise.can.settings import CanSettings
 from cruise.control.commissioning import CommissioningSettings
 from cruise.control.controller import ControlSettings
-from cruise.control.engagement import EngagementSettings
+from cruise.control.plausibility import PlausibilitySettings
+from cruise.control.situation import EngagementSettings
 from cruise.estimation.estimator import EstimatorSettings
 from cruise.estimation.supervision import SupervisionSettings
 from cruise.sampling import SamplingSettings
+from cruise.service.persistence import PersistenceSettings
 
 
 class CruiseSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -29,8 +31,10 @@ class CruiseSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_f
     estimator: EstimatorSettings = EstimatorSettings()
     supervision: SupervisionSettings = SupervisionSettings()
     engagement: EngagementSettings = EngagementSettings()
+    plausibility: PlausibilitySettings = PlausibilitySettings()
     control: ControlSettings = ControlSettings()
     commissioning: CommissioningSettings | None = None  # None: no experiments on this machine
+    persistence: PersistenceSettings | None = None  # None: nothing is kept from one start to the next
 
 
 def load(path: str | Path) -> CruiseSettings:

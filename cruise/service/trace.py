@@ -4,7 +4,6 @@ from dataclasses import astuple, dataclass, fields
 
 import numpy as np
 
-from cruise.control.engagement import State
 from cruise.estimation.gate import Gate
 from cruise.plant import Combine
 from cruise.service.cruise_node import CruiseNode
@@ -39,7 +38,7 @@ class Trace:
     def add(self, now_s: float, node: CruiseNode, combine: Combine) -> None:
         """Write the present instant down."""
         truth, errors = combine.truth, node.supervisor.errors
-        engaged = node.engagement.state is State.ENGAGED
+        engaged = node.engagement.state.controls
         self.rows.append(
             Row(
                 time_s=now_s,

@@ -158,7 +158,9 @@ def watch_bus(live: Live, config: Path, folder: Path) -> None:
     """The bus of the settings, where `cruise run` drives: a twin of the service listens and learns along."""
     settings = service_settings.load(config)
     log = live.begin(f"{settings.can.bus} {settings.can.channel}", folder, str(settings.model))
-    twin = Twin(CruiseNode.load(settings), log)
+    node = CruiseNode.load(settings)
+    node.plausibility = None  # the service on the bus sends what this node would, and does not contradict it
+    twin = Twin(node, log)
     try:
         with open_bus(settings.can) as bus:
             serve(twin, bus, lambda: live.running, lambda now_s: live.see(now_s, twin.node))

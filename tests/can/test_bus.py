@@ -9,12 +9,16 @@ import socket
 import struct
 import time
 from collections.abc import Iterator
+from itertools import pairwise
+from typing import ClassVar
 
 import can
 import pytest
 from can.interfaces.socketcan import SocketcanBus, socketcan
 
-from cruise.can.bus import Bus, BusLostError, KernelBus, Sent, open_bus
+from cruise.can import bus as bus_module
+from cruise.can.bus import Bus, BusLostError, KernelBus, PatientBus, Sent, open_bus
+from cruise.can.error_frames import BusHealth
 from cruise.can.frame import Frame
 from cruise.can.settings import CanSettings
 from cruise.settings import SettingsError
@@ -107,6 +111,30 @@ def test_an_error_frame_is_handed_on(wire: tuple[KernelBus, socket.socket]):
     received = bus.receive(soon())
     assert received is not None
     assert received.is_error_frame
+
+
+def error_frame(identifier: int, detail: int = 0) -> bytes:
+    return CAN_FRAME.pack(0x20000000 | identifier, 8, bytes([0, detail, 0, 0, 0, 0, 0, 0]))
+
+
+@pytest.mark.parametrize(
+    ("reported", "health"),
+    [
+        ([(0x004, 0x08)], BusHealth.WARNING),
+        ([(0x004, 0x20)], BusHealth.PASSIVE),
+        ([(0x004, 0x20), (0x004, 0x40)], BusHealth.ACTIVE),
+        ([(0x040, 0)], BusHealth.OFF),
+        ([(0x040, 0), (0x008, 0x80)], BusHealth.OFF),  # a single error of the protocol brings nobody back
+        ([(0x040, 0), (0x100, 0)], BusHealth.ACTIVE),
+        ([(0x008, 0x80), (0x020, 0), (0x004, 0x01)], BusHealth.ACTIVE),  # a bit, no acknowledgement, an overflow
+    ],
+)
+def test_error_frames_tell_the_health_of_the_bus(wire, reported: list[tuple[int, int]], health: BusHealth):
+    bus, far = wire
+    for identifier, detail in reported:
+        far.send(error_frame(identifier, detail))
+    bus.drain()
+    assert bus.health is health
 
 
 @pytest.mark.parametrize("step_s", [-3600.0, 0.0, 3600.0])
@@ -208,3 +236,71 @@ def test_the_kernel_at_hand_gives_a_bus_or_advice():
     """Either way nothing else than what is documented comes out: this machine has CAN, or it has not."""
     with pytest.raises(SettingsError, match=r"can\.(bus|channel): "):
         open_bus(CanSettings(bus="socketcan", channel="no_such_can"))
+
+
+class Fleeting(Bus):
+    """A bus that a test takes away and gives back; `opened` counts how often it was opened, `there` says whether."""
+
+    there = True
+    opened = 0
+    waiting: ClassVar[list[can.Message]]
+
+    def send(self, frame: can.Message) -> Sent:
+        if not type(self).there:
+            raise BusLostError("gone")
+        return Sent.SENT
+
+    def close(self) -> None:
+        pass
+
+    def _take(self, timeout_s: float) -> can.Message | None:
+        if not type(self).there:
+            raise BusLostError("gone")
+        if type(self).waiting:
+            return type(self).waiting.pop(0)
+        bus_module.time.sleep(timeout_s)
+        return None
+
+
+def test_a_bus_that_went_away_is_opened_again_after_ever_longer_pauses(monkeypatch: pytest.MonkeyPatch):
+    class Ours(Fleeting):
+        waiting: ClassVar[list[can.Message]] = []
+
+    now_s, tries = 100.0, []
+
+    def open_again() -> Bus:
+        tries.append(round(now_s, 6))
+        if not Ours.there and len(tries) > 1:
+            raise SettingsError("no interface")
+        return Ours("vcan7")
+
+    def sleep(seconds: float) -> None:
+        nonlocal now_s
+        now_s += seconds
+
+    class Clock:
+        monotonic = staticmethod(lambda: now_s)
+
+    Clock.sleep = staticmethod(sleep)  # pyright: ignore[reportAttributeAccessIssue]
+    monkeypatch.setattr(bus_module, "time", Clock)
+    bus = PatientBus("vcan7", open_again)
+    assert bus.send(frame(1)) is Sent.SENT
+    Ours.there = False
+    assert bus.send(frame(1)) is Sent.LOST
+    assert bus.health is BusHealth.LOST
+    for _ in range(12):
+        assert bus.receive(now_s + 1.0) is None
+        assert bus.send(frame(1)) is Sent.LOST
+    pauses = [round(later - earlier, 6) for earlier, later in pairwise(tries[1:])]
+    assert tries[1] == 100.1
+    assert pauses[:5] == [0.2, 0.4, 0.8, 1.6, 3.2]
+    assert pauses[5:] == [5.0] * len(pauses[5:])
+    Ours.there, Ours.waiting = True, []
+    while len(tries) < 12 and bus.send(frame(1)) is Sent.LOST:
+        bus.receive(now_s + 1.0)
+    assert bus.health is BusHealth.LOST, "nothing has been heard yet"
+    Ours.waiting = [frame(5)]
+    heard = bus.receive(now_s + 1.0)
+    assert heard is not None
+    assert bus.health is BusHealth.ACTIVE
+    assert bus.losses == 1

@@ -10,6 +10,7 @@ import pytest
 from cruise.can.bus import open_bus
 from cruise.can.frame import Frame
 from cruise.can.node import CanopenNode, CanopenSettings, NodeStatus
+from cruise.can.node_texts import NodeTexts
 from cruise.can.settings import CanSettings
 from cruise.settings import SettingsError
 
@@ -205,3 +206,98 @@ def test_an_eds_file_that_lacks_something(tmp_path: Path, old: str, new: str, co
         CanopenNode.load(path, CanopenSettings())
     with pytest.raises(SettingsError, match=r"none\.eds: cannot be read: No such file"):
         CanopenNode.load(tmp_path / "none.eds", CanopenSettings())
+
+
+PANEL = 33
+
+
+def watching(timeout_ms: int = 300) -> CanopenNode:
+    end = CanopenNode.load(EDS, CanopenSettings(node_id=0x11, panel_node_id=PANEL, panel_timeout_ms=timeout_ms))
+    end.tick(0.0, STATUS)
+    end.receive(frame(0, START))
+    return end
+
+
+def emergencies(end: CanopenNode, now_s: float, status: NodeStatus = STATUS) -> list[str]:
+    return [data for identifier, data in sent(end, now_s, status) if identifier == 0x91]
+
+
+def test_the_panels_heartbeat_is_watched_from_the_first_one_on():
+    end = watching()
+    assert emergencies(end, 10.0) == []
+    assert not end.neutral_requested
+    end.receive(frame(0x700 + PANEL, "05", time_s=10.0))
+    assert emergencies(end, 10.3) == []
+    assert emergencies(end, 10.35) == ["3081110000000000"]
+    assert end.neutral_requested
+    assert emergencies(end, 10.4) == [], "told once"
+    end.receive(frame(0x700 + PANEL + 1, "05", time_s=10.45))
+    assert emergencies(end, 10.45) == [], "of another node"
+    end.receive(frame(0x700 + PANEL, "05", time_s=10.5))
+    assert emergencies(end, 10.55) == ["0000000000000000"]
+    assert not end.neutral_requested
+
+
+def test_a_fault_is_an_emergency_until_it_is_over():
+    end = watching()
+    fault = NodeStatus(0.0, math.nan, 0.0, 3.0)
+    assert emergencies(end, 0.1, fault) == ["00ff810000000000"]
+    assert end._node.get_data(0x1001, 0) == b"\x81"
+    end.receive(frame(0x700 + PANEL, "05", time_s=1.0))
+    assert emergencies(end, 2.0, fault) == ["3081910000000000"], "the register holds both"
+    assert emergencies(end, 2.1) == [], "one is left"
+    end.receive(frame(0x700 + PANEL, "05", time_s=2.2))
+    assert emergencies(end, 2.3) == ["0000000000000000"]
+    assert end._node.get_data(0x1001, 0) == b"\x00"
+
+
+def test_object_1016h_names_the_node_to_watch_and_nobody_is_watched_by_default():
+    end = started()
+    end.receive(frame(0x700 + PANEL, "05", time_s=1.0))
+    assert emergencies(end, 9.0) == []
+    end.receive(frame(0x611, "23161001" + (PANEL << 16 | 200).to_bytes(4, "little").hex(), time_s=9.0))
+    end.receive(frame(0x700 + PANEL, "05", time_s=10.0))
+    assert emergencies(end, 10.3) == ["3081110000000000"]
+    end.receive(frame(0x611, "2316100100000000", time_s=10.4))
+    assert emergencies(end, 10.4) == ["0000000000000000"]
+
+
+def test_what_the_filters_let_pass_is_what_the_node_acts_on():
+    end = watching()
+    acts_on = {0x000, 0x211, 0x611, 0x700 + PANEL}
+    passed = {
+        identifier
+        for identifier in range(0x800)
+        if any(identifier & one.mask == one.identifier & one.mask for one in end.filters)
+    }
+    assert acts_on <= passed
+    assert len(passed) == 3 + 0x100, "and the heartbeats of all nodes, for 1016h may name any"
+
+
+def answered(end: CanopenNode, request: str) -> str:
+    end.receive(frame(0x611, request, time_s=1.0))
+    return next(data for identifier, data in sent(end, 1.0) if identifier == 0x591)
+
+
+def test_texts_and_commands_by_sdo():
+    end, done, drives = started(), [], True
+    end.describe(
+        NodeTexts(
+            texts={"settings": lambda: "a: 1\n", "learned": lambda: "{}", "statistics": lambda: "{}"},
+            store=lambda: done.append("store"),
+            restore=lambda: done.append("restore"),
+            may_restore=lambda: not drives,
+        )
+    )
+    assert answered(end, "40002f0000000000") == "41002f0005000000", "five bytes to come"
+    assert answered(end, "6000000000000000") == "05" + b"a: 1\n".hex() + "0000"
+    assert answered(end, "4010100100000000") == "4310100101000000", "it stores on command"
+    save, load = b"save".hex(), b"load".hex()
+    assert answered(end, "23101001" + load) == "8010100120000008", "not its signature"
+    assert done == []
+    assert answered(end, "23101001" + save) == "6010100100000000"
+    assert answered(end, "23111001" + load) == "8011100122000008", "not while it drives"
+    drives = False
+    assert answered(end, "23111001" + load) == "6011100100000000"
+    assert done == ["store", "restore"]
+    assert answered(end, "23002f00" + save) == "80002f0002000106", "read only"

@@ -177,6 +177,47 @@ def test_run_stops_with_neutral_on_a_signal(verb, tmp_path, monkeypatch):
     assert len(sent) > 10
 
 
+def test_run_reads_its_settings_again_and_keeps_the_old_ones_where_they_are_wrong(verb, tmp_path, monkeypatch):
+    from cruise.cli import run
+
+    config = tmp_path / "cruise.yaml"
+    text = f"model: {CONFIG / 'factory_model.yaml'}\ndatabase: {CONFIG / 'cruise.dbc'}\ncan: {{bus: virtual}}\n"
+    config.write_text(text)
+    calls = 0
+
+    def goes_on(self) -> bool:
+        nonlocal calls
+        calls += 1
+        if calls == 3:
+            config.write_text(text + "control: {frame_s: 0.1}\n")
+        if calls == 6:
+            config.write_text(text + "misspelt: 1\n")
+        if calls in (3, 6):
+            self._reload(1, None)
+        if calls == 9:
+            self._stop(2, None)
+        return not (self.stopped or self.reload)
+
+    monkeypatch.setattr(run.Running, "__call__", goes_on)
+    code, out, err = verb("run", config, "--quiet")
+    assert code == 0
+    assert [line.split()[-2] for line in out.splitlines() if "command every" in line] == ["0.05", "0.1", "0.1"]
+    assert err.count("neutral sent") == 3
+    assert "the settings stay as they were" in err
+    assert "misspelt" in err
+
+
+def test_the_black_box_keeps_a_ring(verb, tmp_path):
+    config = tmp_path / "cruise.yaml"
+    config.write_text(
+        f"model: {CONFIG / 'factory_model.yaml'}\ndatabase: {CONFIG / 'cruise.dbc'}\ncan: {{bus: virtual}}\n"
+    )
+    code, out, _ = verb("record", tmp_path / "box", "--ring", "--seconds", "0.3", "--config", config)
+    assert code == 0
+    assert "0 exits" in out
+    assert [path.name for path in (tmp_path / "box").iterdir()] == ["log-0000001.log.gz"]
+
+
 def test_help_names_every_verb(verb):
     code, out, _ = verb("--help")
     assert code == 0
@@ -184,7 +225,7 @@ def test_help_names_every_verb(verb):
         assert verb in out
 
 
-def test_a_bus_that_disappears_ends_the_service_with_one_clear_line(verb, tmp_path, monkeypatch):
+def test_a_bus_that_disappears_ends_a_recording_with_one_clear_line(verb, tmp_path, monkeypatch):
     from cruise.can.bus import BusLostError, LocalBus
 
     def gone(self, *_):
@@ -193,7 +234,7 @@ def test_a_bus_that_disappears_ends_the_service_with_one_clear_line(verb, tmp_pa
     monkeypatch.setattr(LocalBus, "receive", gone)
     text = f"model: {CONFIG / 'factory_model.yaml'}\ndatabase: {CONFIG / 'cruise.dbc'}\ncan: {{bus: virtual}}\n"
     (tmp_path / "cruise.yaml").write_text(text)
-    code, _, err = verb("run", tmp_path / "cruise.yaml")
+    code, _, err = verb("record", tmp_path / "drive.log", "--config", tmp_path / "cruise.yaml")
     assert code == 3
     assert "the interface went away" in err
     assert "Traceback" not in err

@@ -6,10 +6,12 @@ from dataclasses import replace
 import pytest
 
 from cruise.control.commissioning import CommissioningSettings, Conditions, Experiment
-from cruise.control.engagement import TRANSITIONS, Engagement, EngagementSettings, ExitReason, Situation, State
+from cruise.control.engagement import TRANSITIONS, Engagement, ExitReason, State
 from cruise.control.excitation import Ramp
+from cruise.control.situation import EngagementSettings, Situation
 
 READY = Situation(
+    time_s=0.0,
     enable=True,
     set=False,
     resume=False,
@@ -20,6 +22,7 @@ READY = Situation(
     drive_signals_valid=True,
     model_ready=True,
     healthy=True,
+    contradiction="",
     brake=False,
     clutch=False,
     gear=2.0,
@@ -32,74 +35,172 @@ READY = Situation(
 )
 
 
-def engaged(**fields):
-    engagement = Engagement(EngagementSettings())
+def engaging(settings: EngagementSettings | None = None, **fields) -> Engagement:
+    engagement = Engagement(settings or EngagementSettings())
     for situation in (READY, READY, replace(READY, resume=True, **fields)):
         engagement.step(situation)
     return engagement
 
 
+def engaged(settings: EngagementSettings | None = None) -> Engagement:
+    engagement = engaging(settings)
+    engagement.step(DRIVEN_AT_SETPOINT)
+    assert engagement.state is State.ENGAGED
+    return engagement
+
+
+DRIVEN_AT_SETPOINT = replace(READY, speed_mps=1.38)
+
+
 def test_resume_engages_at_the_requested_speed_and_set_at_the_present_one():
-    assert (engaged().state, engaged().setpoint_mps) == (State.ENGAGED, 1.4)
-    other = engaged(set=True)
-    assert (other.state, other.setpoint_mps) == (State.ENGAGED, 1.1)
+    assert (engaging().state, engaging().setpoint_mps) == (State.ENGAGING, 1.4)
+    other = engaging(set=True)
+    assert (other.state, other.setpoint_mps) == (State.ENGAGING, 1.1)
 
 
-EXITS = [
-    ({"healthy": False}, State.FAULT, ExitReason.FUNCTION_FAULT),
-    ({"operator_present": False}, State.STANDBY, ExitReason.OPERATOR_LOST),
-    ({"enable": False}, State.OFF, ExitReason.RELEASED),
-    ({"brake": True}, State.STANDBY, ExitReason.OVERRIDE),
-    ({"clutch": True}, State.STANDBY, ExitReason.OVERRIDE),
-    ({"lever_pct": 47.0}, State.STANDBY, ExitReason.OVERRIDE),
-    ({"lever_pct": 0.0}, State.STANDBY, ExitReason.OVERRIDE),
-    ({"gear": 0.0}, State.STANDBY, ExitReason.CONTROL_POSITION),
-    ({"gear": math.nan, "signals_valid": False}, State.STANDBY, ExitReason.FUNCTION_FAULT),
-    ({"signals_valid": False}, State.STANDBY, ExitReason.FUNCTION_FAULT),
-    ({"speed_mps": 2.2}, State.FAULT, ExitReason.FUNCTION_FAULT),
-]
+def test_engaging_lasts_until_the_speed_has_reached_the_setpoint():
+    engagement = engaging()
+    for speed_mps in (1.1, 1.2, 1.29):
+        assert engagement.step(replace(READY, speed_mps=speed_mps)) is State.ENGAGING
+    assert engagement.step(replace(READY, speed_mps=1.31)) is State.ENGAGED
+    assert engagement.step(replace(READY, requested_mps=2.0)) is State.ENGAGED  # a new setpoint is no new take-over
 
 
-@pytest.mark.parametrize(("fields", "target", "reason"), EXITS)
-def test_every_exit_acts_in_one_step_says_why_and_does_not_come_back(fields, target, reason):
+EXITS = {
+    "unhealthy": ({"healthy": False}, State.FAULT, ExitReason.FUNCTION_FAULT),
+    "operator_lost": ({"operator_present": False}, State.STANDBY, ExitReason.OPERATOR_LOST),
+    "switched_off": ({"enable": False}, State.OFF, ExitReason.RELEASED),
+    "brake": ({"brake": True}, State.OVERRIDDEN, ExitReason.OVERRIDE),
+    "clutch": ({"clutch": True}, State.OVERRIDDEN, ExitReason.OVERRIDE),
+    "lever_moved": ({"lever_pct": 45.1}, State.OVERRIDDEN, ExitReason.OVERRIDE),
+    "neutral": ({"gear": 0.0}, State.STANDBY, ExitReason.CONTROL_POSITION),
+    "signals_lost": ({"signals_valid": False, "gear": math.nan}, State.STANDBY, ExitReason.FUNCTION_FAULT),
+    "shifted": ({"gear": 3.0}, State.STANDBY, ExitReason.CONTROL_POSITION),
+    "setpoint_lost": ({"requested_mps": math.nan}, State.STANDBY, ExitReason.COMMAND_TIMEOUT),
+    "setpoint_invalid": ({}, State.STANDBY, ExitReason.COMMAND_INVALID),
+    "implausible": ({"contradiction": "two speeds"}, State.FAULT, ExitReason.FUNCTION_FAULT),
+    "overspeed": ({"speed_mps": 1.71}, State.FAULT, ExitReason.FUNCTION_FAULT),
+}
+
+
+@pytest.mark.parametrize("state", [State.ENGAGING, State.ENGAGED])
+def test_every_exit_of_the_controller_is_tried_below(state):
+    assert [row.condition for row in TRANSITIONS if row.source is state and row.target is not State.ENGAGED] == [*EXITS]
+
+
+@pytest.mark.parametrize("begin", [engaging, engaged])
+@pytest.mark.parametrize("condition", EXITS)
+def test_every_exit_acts_in_one_step_says_why_and_does_not_come_back(begin, condition):
+    fields, target, reason = EXITS[condition]
+    engagement = begin()
+    if condition == "setpoint_invalid":
+        engagement.setpoint_mps = math.nan
+    held = replace(READY, resume=True, set=True)
+    assert engagement.step(replace(held, **fields)) is target
+    assert (engagement.exit_condition, engagement.exit_reason) == (condition, reason)
+    assert engagement.exit_detail == fields.get("contradiction", "")
+    for k in range(100):  # the cause goes away while both buttons stay down, and then they are let go
+        now = replace(held if k < 50 else READY, time_s=0.05 * k)
+        assert not engagement.step(now).drives
+    assert (engagement.exit_condition, engagement.exit_reason) == (condition, reason)
+
+
+@pytest.mark.parametrize("fields", [{"lever_pct": 0.0}, {"lever_pct": 34.9}, {"gear": -1.0}, {"speed_mps": 5.0}])
+def test_the_lever_backwards_reverse_gear_and_any_greater_speed_end_it_too(fields):
+    assert not engaged().step(replace(DRIVEN_AT_SETPOINT, **fields)).drives
+
+
+@pytest.mark.parametrize("fields", [{"lever_pct": 44.9}, {"lever_pct": 35.1}, {"speed_mps": 1.69}])
+def test_what_is_less_than_a_limit_does_not_end_it(fields):
+    assert engaged().step(replace(DRIVEN_AT_SETPOINT, **fields)) is State.ENGAGED
+
+
+def test_without_a_setpoint_on_the_bus_the_buttons_are_enough():
+    engagement = Engagement(EngagementSettings())
+    alone = replace(READY, requested_mps=math.nan)
+    for situation in (alone, alone, replace(alone, set=True)):
+        engagement.step(situation)
+    for _ in range(3):
+        assert engagement.step(alone).controls
+    assert engagement.step(replace(alone, requested_mps=1.2)).controls
+    assert engagement.setpoint_mps == 1.2
+    assert engagement.step(alone) is State.STANDBY  # from now on it is the bus that asks
+
+
+def test_a_gearbox_that_shifts_under_way_may():
+    engagement = engaged(EngagementSettings(shifts_under_way=True))
+    assert engagement.step(replace(DRIVEN_AT_SETPOINT, gear=3.0)) is State.ENGAGED
+    assert engagement.step(replace(DRIVEN_AT_SETPOINT, gear=0.0)) is State.STANDBY
+
+
+def test_an_override_lasts_as_long_as_the_operator_acts_and_a_press_meanwhile_is_lost():
     engagement = engaged()
-    bad = replace(READY, resume=True, **fields)
-    assert engagement.step(bad) is target
-    assert engagement.exit_reason is reason
-    for _ in range(50):  # the cause goes away while the button is still down
-        assert engagement.step(replace(READY, resume=True)) is not State.ENGAGED
-        assert engagement.step(READY) is not State.ENGAGED or pytest.fail("engaged on a falling edge")
-        break
+    acts = [{"brake": True}, {"brake": True}, {}, {"lever_pct": 46.0}, {"lever_pct": 52.0}, {"clutch": True}]
+    time_s = 0.0
+    for act in acts:
+        time_s += 0.8
+        assert engagement.step(replace(READY, time_s=time_s, **act)) is State.OVERRIDDEN
+    at_rest = replace(READY, time_s=time_s, lever_pct=40.0)
+    engagement.step(replace(at_rest, time_s=time_s + 0.1))
+    assert engagement.step(replace(at_rest, time_s=time_s + 1.0, resume=True)) is State.OVERRIDDEN
+    assert engagement.step(replace(at_rest, time_s=time_s + 1.2, resume=True)) is State.STANDBY
+    assert engagement.step(replace(at_rest, time_s=time_s + 1.3)) is State.STANDBY
+    assert engagement.step(replace(at_rest, time_s=time_s + 1.4, resume=True)) is State.ENGAGING
 
 
 @pytest.mark.parametrize(
-    "fields",
+    ("fields", "target"), [({"healthy": False}, State.FAULT), ({"enable": False}, State.OFF), ({}, State.OVERRIDDEN)]
+)
+def test_fault_and_switch_count_in_an_override_too(fields, target):
+    engagement = engaged()
+    engagement.step(replace(READY, brake=True))
+    assert engagement.step(replace(READY, **fields)) is target
+
+
+@pytest.mark.parametrize(
+    ("fields", "why"),
     [
-        {"signals_valid": False},
-        {"operator_present": False},
-        {"model_ready": False},
-        {"brake": True},
-        {"clutch": True},
-        {"gear": 0.0},
-        {"speed_mps": 0.1},
-        {"speed_mps": math.nan},
-        {"speed_mps": 9.0},
-        {"requested_mps": math.nan},
-        {"requested_mps": 20.0},
-        {"enable": False},
+        ({"signals_valid": False}, "signals are missing"),
+        ({"model_ready": False}, "the observer has not caught up yet"),
+        ({"contradiction": "a and b"}, "signals contradict each other: a and b"),
+        ({"brake": True}, "brake or clutch is pressed"),
+        ({"clutch": True}, "brake or clutch is pressed"),
+        ({"gear": 0.0}, "no gear is engaged"),
+        ({"gear": math.nan}, "no gear is engaged"),
+        ({"speed_mps": 0.1}, "the machine is too slow or too fast"),
+        ({"speed_mps": math.nan}, "the machine is too slow or too fast"),
+        ({"speed_mps": 9.0}, "the machine is too slow or too fast"),
+        ({"requested_mps": math.nan}, "the setpoint is out of range"),
+        ({"requested_mps": 20.0}, "the setpoint is out of range"),
+        ({"operator_present": False}, "the panel's frames are missing"),
+        ({"enable": False}, ""),
+        ({"healthy": False}, ""),
     ],
 )
-def test_it_does_not_engage_and_says_what_is_in_the_way(fields):
-    engagement = engaged(**fields)
-    assert engagement.state is not State.ENGAGED
-    if "enable" not in fields and "operator_present" not in fields:
-        assert engagement.refused
+def test_it_does_not_engage_and_says_what_is_in_the_way(fields, why):
+    engagement = engaging(**fields)
+    assert not engagement.state.drives
+    assert engagement.refused == why
+
+
+def test_only_the_operators_press_leads_into_a_state_that_drives():
+    into = {row.condition for row in TRANSITIONS if row.target.drives and not row.source.drives}
+    assert into == {"engage", "commission"}
+    assert {row.source for row in TRANSITIONS if row.condition in into} == {State.STANDBY}
+
+
+def test_every_way_out_of_driving_has_a_reason_and_no_other_way_out_pretends_one():
+    for row in TRANSITIONS:
+        if row.source.drives and not row.target.drives:
+            assert row.reason is not ExitReason.NONE
+        elif row.target is not State.FAULT:
+            assert row.reason is ExitReason.NONE
 
 
 def test_a_button_held_from_the_start_does_not_engage():
     engagement = Engagement(EngagementSettings())
     for _ in range(10):
-        assert engagement.step(replace(READY, resume=True)) is not State.ENGAGED
+        assert not engagement.step(replace(READY, resume=True)).drives
 
 
 def test_a_fault_is_left_by_switching_off_and_on_only():
@@ -178,9 +279,9 @@ ENDS = {
     "unhealthy": ({"healthy": False}, State.FAULT, ExitReason.FUNCTION_FAULT),
     "operator_lost": ({"operator_present": False}, State.STANDBY, ExitReason.OPERATOR_LOST),
     "switched_off": ({"enable": False}, State.OFF, ExitReason.RELEASED),
-    "brake": ({"brake": True}, State.STANDBY, ExitReason.OVERRIDE),
-    "clutch": ({"clutch": True}, State.STANDBY, ExitReason.OVERRIDE),
-    "lever_moved": ({"lever_pct": 6.0}, State.STANDBY, ExitReason.OVERRIDE),
+    "brake": ({"brake": True}, State.OVERRIDDEN, ExitReason.OVERRIDE),
+    "clutch": ({"clutch": True}, State.OVERRIDDEN, ExitReason.OVERRIDE),
+    "lever_moved": ({"lever_pct": 6.0}, State.OVERRIDDEN, ExitReason.OVERRIDE),
     "neutral": ({"gear": 0.0}, State.STANDBY, ExitReason.CONTROL_POSITION),
     "drive_signals_lost": ({"drive_signals_valid": False, "gear": math.nan}, State.STANDBY, ExitReason.FUNCTION_FAULT),
     "gear_changed": ({"gear": 3.0}, State.STANDBY, ExitReason.CONTROL_POSITION),
@@ -209,16 +310,18 @@ def test_every_end_of_an_experiment_acts_in_one_step_says_why_and_does_not_come_
 @pytest.mark.parametrize("fields", [{"speed_mps": -2.1}, {"requested_experiment": 8}, {"lever_pct": -6.0}])
 def test_rolling_backwards_another_request_and_the_lever_backwards_end_it_too(fields):
     engagement = commissioning()
-    assert engagement.step(replace(DRIVEN, **fields)) is State.STANDBY
+    assert not engagement.step(replace(DRIVEN, **fields)).drives
 
 
 def test_a_held_button_does_not_begin_the_experiment_again():
     engagement = commissioning()
     engagement.step(replace(DRIVEN, set=True, brake=True))
-    for _ in range(20):
-        assert engagement.step(replace(ASKED, set=True)) is State.STANDBY
-    assert engagement.step(ASKED) is State.STANDBY
-    assert engagement.step(replace(ASKED, set=True)) is State.COMMISSIONING  # on purpose: released and pressed
+    for k in range(40):
+        assert not engagement.step(replace(ASKED, time_s=0.05 * k, set=True)).drives
+    assert engagement.step(replace(ASKED, time_s=2.0)) is State.STANDBY
+    assert (
+        engagement.step(replace(ASKED, time_s=2.1, set=True)) is State.COMMISSIONING
+    )  # on purpose: released and pressed
 
 
 def test_what_only_the_controller_needs_does_not_end_an_experiment():
@@ -288,7 +391,8 @@ def test_while_an_experiment_is_asked_for_the_cruise_control_does_not_engage(but
 def test_no_setpoint_is_left_over_in_an_experiment():
     engagement = operator(READY, replace(READY, resume=True))
     assert engagement.setpoint_mps == 1.4
-    for situation in (replace(READY, brake=True), ASKED, replace(ASKED, set=True)):
+    asked = replace(ASKED, time_s=4.0)
+    for situation in (replace(READY, brake=True), replace(ASKED, time_s=2.0), asked, replace(asked, set=True)):
         engagement.step(situation)
     assert engagement.state is State.COMMISSIONING
     assert math.isnan(engagement.setpoint_mps)
@@ -298,4 +402,4 @@ def test_after_an_experiment_the_cruise_control_engages_as_ever():
     engagement = commissioning()
     for situation in (replace(DRIVEN, requested_experiment=0), READY, replace(READY, resume=True)):
         engagement.step(situation)
-    assert (engagement.state, engagement.setpoint_mps) == (State.ENGAGED, 1.4)
+    assert (engagement.state, engagement.setpoint_mps) == (State.ENGAGING, 1.4)

@@ -53,7 +53,7 @@ def test_the_same_seed_gives_the_same_report_and_another_another(logged):
 def test_the_report_tells_the_drive(logged):
     report = logged[0].report()
     assert (report["seed"], report["seconds"], report["interrupted"]) == (1, SECONDS, False)
-    assert [row["state"] for row in report["states"]] == ["off", "standby", "engaged"]
+    assert [row["state"] for row in report["states"]] == ["off", "standby", "engaging", "engaged"]
     assert report["frame_faults"] == {}
     assert report["exit_reason"] == "released"
     assert sum(report["gate_share"].values()) == pytest.approx(1.0)

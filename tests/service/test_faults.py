@@ -78,6 +78,8 @@ SIGNAL_FAULTS = {
     "gear lost": ("ETC2", nothing, ExitReason.FUNCTION_FAULT),
     "lever lost": ("MachineState", nothing, ExitReason.FUNCTION_FAULT),
     "lever not available": ("MachineState", unavailable(2, 2, CAN.data_ids.machine_state), ExitReason.FUNCTION_FAULT),
+    "setpoint lost": ("MachineSelectedSpeedCommand", nothing, ExitReason.COMMAND_TIMEOUT),
+    "setpoint not available": ("MachineSelectedSpeedCommand", unavailable(0, 2), ExitReason.COMMAND_TIMEOUT),
     "panel lost": ("CCVS", nothing, ExitReason.OPERATOR_LOST),
     "switches not available": ("CCVS", unavailable(3, 1), ExitReason.OPERATOR_LOST),
 }
@@ -120,7 +122,7 @@ def left_for_good(drive: Whole, reason: ExitReason) -> None:
     assert after[first].time_s <= FAULT_S + IN_TIME_S + 1e-6
     assert all((heard.active, heard.current_ma) == (False, 0.0) for heard in after[first:])
     assert all(heard.current_ma > 300.0 for heard in after[:first]), "engaged, and braking with a neutral pump"
-    assert sum(state is State.ENGAGED for _, state in drive.states) == 1
+    assert sum(state is State.ENGAGING for _, state in drive.states) == 1
     assert {reason for at_s, reason in drive.listener.reasons if at_s >= FAULT_S + IN_TIME_S + 0.1} == {reason}
     assert drive.listener.faults == 0
 
@@ -144,7 +146,7 @@ def test_an_act_of_the_operator_ends_the_drive(act):
     left_for_good(drive, reason)
 
 
-UNNEEDED = ("VF", "EEC2", "WBSD", "GBSD", "SSI2", "MachineSelectedSpeedCommand")
+UNNEEDED = ("VF", "EEC2", "WBSD", "GBSD", "SSI2")
 
 
 def test_signals_that_the_model_does_not_need_may_go_and_come():
@@ -165,10 +167,13 @@ def test_another_sources_speed_is_not_taken_for_the_drives():
     assert other.listener.commands == quiet.listener.commands
 
 
-def test_a_pause_of_the_setpoints_frames_is_no_new_word_of_the_operator():
+def test_a_frame_of_the_setpoint_that_is_missing_is_no_new_word_of_the_operator():
+    def tamper(name: str | None, frame: Frame) -> Iterable[Frame]:
+        missing = name == "MachineSelectedSpeedCommand" and FAULT_S <= frame.timestamp < FAULT_S + 0.095
+        return () if missing else (frame,)
+
     press = OperatorRow(at_s=ENGAGE_S + 0.8, press="accelerate")
-    pause = between(nothing, "MachineSelectedSpeedCommand")
-    drive = Whole(pause, operator=(press,)).run(END_S)
+    drive = Whole(tamper, operator=(press,)).run(END_S)
     assert drive.engaged_at(END_S)
     assert drive.node.engagement.setpoint_mps == pytest.approx(1.3)
 
@@ -194,15 +199,19 @@ def test_foreign_frames_of_any_kind_change_nothing():
     assert loud.listener.commands == quiet.listener.commands
 
 
-def test_its_own_messages_from_elsewhere_are_not_taken_in():
-    drive = Whole().run(FAULT_S)
-    for message, values in (
+@pytest.mark.parametrize(
+    ("message", "values"),
+    [
         ("PumpCurrentCommand", {"pump_current_command_ma": 100.0, "command_active": 1.0}),
         ("MachineSelectedSpeed", {"machine_selected_speed_mps": 3.0}),
-    ):
-        drive.node.receive(drive.panel.codec.encode(message, values, FAULT_S))
-    drive.run(FAULT_S + 0.2)
-    assert drive.engaged_at(drive.now_s)
+    ],
+)
+def test_another_sender_of_its_own_messages_ends_the_drive(message, values):
+    drive = Whole().run(FAULT_S)
+    drive.node.receive(drive.panel.codec.encode(message, values, FAULT_S))
+    drive.run(END_S)
+    left_for_good(drive, ExitReason.FUNCTION_FAULT)
+    assert drive.node.engagement.exit_condition == "implausible"
 
 
 class Holey(StreamSampler):
@@ -225,8 +234,8 @@ def steady() -> Whole:
 
 
 def test_it_takes_over_drives_at_the_setpoint_and_stops_with_neutral(steady):
-    assert [state for _, state in steady.states] == [State.OFF, State.STANDBY, State.ENGAGED]
-    assert steady.states[-1][0] == pytest.approx(ENGAGE_S, abs=0.11)
+    assert [state for _, state in steady.states] == [State.OFF, State.STANDBY, State.ENGAGING, State.ENGAGED]
+    assert steady.states[-2][0] == pytest.approx(ENGAGE_S, abs=0.11)
     assert steady.combine.truth.ground_speed_mps == pytest.approx(1.2, abs=0.1)
     for frame in steady.node.stop(steady.now_s):
         steady.loop.ends[2][1].send(frame)
@@ -252,7 +261,7 @@ def test_a_new_press_engages_again_after_the_fault():
     move = OperatorRow(at_s=RETURN_S + 0.2, lever_pct=48.0)
     drive = Whole(between(nothing, "EEC1"), operator=(move, again)).run(RETURN_S + 5.0)
     assert drive.machine.lever_counts
-    assert [state for _, state in drive.states][-1] is State.ENGAGED
+    assert [state for _, state in drive.states][-1].controls
     assert drive.listener.reasons[-1][1] == ExitReason.NONE
 
 

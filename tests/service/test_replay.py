@@ -22,7 +22,7 @@ def learned(dart):
 def test_every_measured_drive_goes_through_the_service_whole(learned):
     taught, _ = learned
     assert len(taught.recordings) == 20
-    assert not {name for name in taught.node.faults if name != "unknown"}
+    assert not {name for name in taught.node.hearing.faults if name != "unknown"}
     assert sum(len(one) for one in taught.recordings) > 3000
 
 

@@ -22,6 +22,7 @@ from . import (
     missing,
     opening,
     plant,
+    real_bus,
     recovery,
     workbench,
 )
@@ -32,6 +33,7 @@ PARTS: dict[str, Callable[[], Part]] = {
     "estimator": estimator.measure,  # time of one update
     "control": control_step.measure,  # time of one control step with the estimator, and its memory
     "loop": loop.measure,  # lateness at 100 Hz
+    "real_bus": real_bus.measure,  # start, memory and the units of the service as it is installed
     "plant": plant.measure,  # speed of the virtual combine
     "learning": learning.measure,  # against batch least squares, and after a change
     "constant": engaged.constant_speed,  # half an hour of constant speed

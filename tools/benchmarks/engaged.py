@@ -12,7 +12,6 @@ import numpy as np
 from msgspec import structs
 
 from cruise import settings
-from cruise.control.engagement import State
 from cruise.estimation.estimator import Estimator, EstimatorSettings
 from cruise.estimation.gate import GateSettings
 from cruise.model.model import Model
@@ -92,7 +91,7 @@ class Watch:
         if node.ticks % round(1.0 / node.period_s):
             return
         model, factory = node.estimator.snapshot(), node.estimator.factory
-        if node.engagement.state is State.ENGAGED:
+        if node.engagement.state.controls:
             gain = model.dc_gain_mps_per_ma / factory.dc_gain_mps_per_ma
             self.rows.append((now_s, gain, model.theta[-1], node.command.disturbance_mps))
         if self.drifts:

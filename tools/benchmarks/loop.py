@@ -18,7 +18,6 @@ from cruise import settings
 from cruise.can.bus import Bus, open_bus
 from cruise.can.codec import Codec
 from cruise.can.frame import Frame
-from cruise.control.engagement import State
 from cruise.identification.least_squares import fit
 from cruise.model import files
 from cruise.model.model import Model
@@ -70,7 +69,7 @@ class Timed:
         frames = self.node.tick(now_s)
         self.times_ms.append(1e3 * (time.perf_counter() - begin_s))
         self.planned.append(self.node.sample is not before)
-        self.engaged += self.node.engagement.state is State.ENGAGED
+        self.engaged += self.node.engagement.state.controls
         return frames
 
 

@@ -1,0 +1,102 @@
+"""The black box: the last minutes of the bus in compressed logs of bounded size, frozen around every exit.
+
+    SEGMENT = log-0000001.log.gz, candump lines; the oldest goes where a new one would exceed the bound
+
+A segment can be read up to the last second even where the power went in the middle of it. Those from `before_s` before
+an exit to `after_s` after it are frozen: kept as exit-0000001.log.gz, up to half of the bound; then the oldest of them
+goes. Numbers go on where the last run ended.
+"""
+
+import gzip
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+
+from cruise.can.frame import Frame
+from cruise.can.log import LogWriter
+
+FLUSH_S = 1.0  # s; what a power cut costs at most
+Size = Annotated[int, msgspec.Meta(ge=1_000)]
+
+
+class RingSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """How much is kept."""
+
+    size_bytes: Size = 500_000_000  # of all segments; a full bus of 250 kbit/s makes about 25 MB an hour
+    segment_s: Annotated[float, msgspec.Meta(gt=0)] = 60.0
+    before_s: Annotated[float, msgspec.Meta(ge=0)] = 60.0
+    after_s: Annotated[float, msgspec.Meta(ge=0)] = 30.0
+
+
+class Ring:
+    """Takes frames in; `freeze` keeps what is around now. Times are those of the frames' receiver, monotonic."""
+
+    def __init__(self, folder: Path, settings: RingSettings, channel: str) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        self.folder, self.settings, self.channel = folder, settings, channel
+        self.frames = 0
+        self._number = max((int(file.name[-14:-7]) for file in self.segments()), default=0)
+        self._began: dict[Path, float] = {}  # of this run
+        self._frozen_until_s = -1.0
+        self._open(0.0)
+
+    def segments(self) -> list[Path]:
+        """All of them, oldest first."""
+        return sorted(self.folder.glob("*-[0-9]*.log.gz"), key=lambda file: file.name[-14:])
+
+    def write(self, frame: Frame, now_s: float) -> None:
+        """Append one frame."""
+        if now_s - self._began[self._path] >= self.settings.segment_s:
+            self._writer.close()
+            self._open(now_s)
+        self._writer.write(frame)
+        self.frames += 1
+        if now_s >= self._flush_s:
+            self._flush_s = now_s + FLUSH_S
+            self._writer.flush()
+            self._bound()
+
+    def freeze(self, now_s: float) -> None:
+        """Keep what was before now, and what comes after."""
+        self._frozen_until_s = now_s + self.settings.after_s
+        since_s = now_s - self.settings.before_s - self.settings.segment_s
+        for path, began_s in list(self._began.items()):
+            if began_s >= since_s and path.exists():
+                self._keep(path)
+
+    def close(self) -> None:
+        """End the last segment."""
+        self._writer.close()
+        self._bound()
+
+    def _open(self, now_s: float) -> None:
+        self._number += 1
+        kind = "exit" if now_s < self._frozen_until_s else "log"
+        self._path = self.folder / f"{kind}-{self._number:07}.log.gz"
+        self._began[self._path] = now_s
+        self._flush_s = now_s + FLUSH_S
+        stream = gzip.open(self._path, "wt", encoding="ascii")  # noqa: SIM115, closed with the writer
+        self._writer = LogWriter.into(stream, self.channel)
+        self._bound()
+
+    def _keep(self, path: Path) -> None:
+        kept = path.with_name(f"exit-{path.name.partition('-')[2]}")
+        path.rename(kept)
+        self._began[kept] = self._began.pop(path)
+        self._path = kept if path == self._path else self._path
+
+    def _bound(self) -> None:
+        """Take the oldest away where there is too much: of the frozen above half of the bound, else of the others."""
+        segments = [path for path in self.segments() if path != self._path]
+        sizes = {path: path.stat().st_size for path in segments}
+        total = sum(sizes.values()) + self._path.stat().st_size
+        frozen = sum(size for path, size in sizes.items() if path.name.startswith("exit"))
+        while total > self.settings.size_bytes and segments:
+            kind = "exit" if frozen > self.settings.size_bytes // 2 else "log"
+            oldest = next((path for path in segments if path.name.startswith(kind)), segments[0])
+            segments.remove(oldest)
+            total -= sizes[oldest]
+            frozen -= sizes[oldest] if oldest.name.startswith("exit") else 0
+            self._began.pop(oldest, None)
+            oldest.unlink()

@@ -1,0 +1,236 @@
+"""Can all of this be true? What the signals say about each other, as one table of checks.
+
+A check compares what is seen with what another source makes of it and gives how much of the allowed difference is used:
+above 1 for `for_s` without a break, the signals contradict each other. NaN (nothing to compare with) is no
+contradiction: a missing signal is the engagement's matter. Rows with `driving` need the controller's own commands.
+
+What no row can see: a speed of which all sensors err alike, and a panel that lies alone in its place. There the limits
+on current, rate and acceleration are all that bounds the harm.
+"""
+
+import math
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Final
+
+import msgspec
+
+from cruise.settings import Positive
+
+WINDOW_S: Final = 0.25  # s of commands with which the measured current is compared: time-out of the drive and a frame
+SMOOTH_S: Final = 0.2  # s, time constant through which two speeds are compared
+RATE_S: Final = 0.1  # s over which a rate is taken
+TEXTURE_S: Final = 0.5  # s, time constant of the roughness
+LEAST_READINGS: Final = 8  # equal ones that make a sensor frozen: at 5 Hz it may repeat itself by chance
+
+
+class PlausibilitySettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """How far signals may differ before somebody lies."""
+
+    current_ma: Positive = 40.0  # mA, regulator's error and noise: 3 % of the range
+    speed_mps: Positive = 0.12  # m/s, noise and the radar's delay in a quick change
+    speed_share: Positive = 0.04  # of the speed, scale of a radar: data sheets give 3..5 %
+    slip_share: Positive = 0.15  # of the speed, more by which wheels may run ahead where no radar is there to tell
+    accel_mps2: Positive = 4.0  # m/s2, the tyres give about 0.4 g
+    engine_rpm_per_s: Positive = 1500.0  # 1/min per s, free run-up of a diesel of this class
+    speed_roughness_mps: Positive = 0.15  # m/s, RMS of second differences; 0.04 at a noise of 0.015
+    current_roughness_ma: Positive = 30.0  # mA; 2.5 at a noise of 1
+    engine_roughness_rpm: Positive = 60.0  # 1/min; 5 at a noise of 2
+    frozen_s: Positive = 0.5  # s without any change: noise moves a sensor that lives
+    disturbance_mps: Positive = 0.35  # m/s that hills, soil and the model's error may take
+    disturbance_share: Positive = 0.2  # and of the speed
+    behind_mps: Positive = 0.3  # m/s that the machine may be behind the reference
+    crowd: Positive = 1.6  # of the frames of a message in the second before engaging: more is a second sender
+    faulty_share: Positive = 0.5  # of the last frames of a protected message
+    pace: Positive = 1.5  # of the program's own period
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """One frame period as the checks see it. NaN where nothing is known."""
+
+    time_s: float
+    speed_mps: float  # of the drive, mean over the frame
+    wheel_mps: float
+    radar_mps: float
+    current_ma: float  # measured
+    engine_rpm: float
+    commanded_ma: float  # sent last, NaN while somebody else drives
+    reference_mps: float  # as the controller follows it now
+    disturbance_mps: float  # in m/s of steady speed, what the model does not explain
+    crowding: float  # the busiest message's frames in the last second over those before engaging
+    faulty_share: float  # of the last frames of the worst protected message
+    imposters: int  # frames of our own messages that we did not send
+    pace: float  # mean time between two ticks over the period
+
+
+@dataclass(slots=True)
+class Texture:
+    """How a sensor's readings look: since when they have not changed, and how rough they are."""
+
+    value: float = math.nan
+    slope: float = math.nan
+    changed_s: float = math.nan
+    equal: int = 0
+    mean_square: float = 0.0
+    last_s: float = math.nan
+
+    def take(self, time_s: float, value: float) -> None:
+        """One reading."""
+        passed_s, self.last_s = time_s - self.last_s, time_s
+        change = value - self.value
+        self.value = value
+        if change == 0.0:
+            self.equal += 1
+        else:
+            self.equal, self.changed_s = 0, time_s
+        bend, self.slope = change - self.slope, change
+        if math.isfinite(bend) and passed_s > 0.0:
+            share = min(passed_s / TEXTURE_S, 1.0)
+            self.mean_square += share * (bend * bend - self.mean_square)
+        elif not math.isfinite(self.mean_square):
+            self.mean_square = 0.0
+
+    @property
+    def roughness(self) -> float:
+        """RMS of the second differences."""
+        return math.sqrt(self.mean_square)
+
+    @property
+    def frozen_s(self) -> float:
+        """How long nothing has changed; 0 for too few readings."""
+        return self.last_s - self.changed_s if self.equal >= LEAST_READINGS else 0.0
+
+
+TEXTURED: Final = ("ground_speed_mps", "pump_current_ma", "engine_speed_rpm")
+
+
+@dataclass(slots=True)
+class Memory:
+    """What the checks need of the past."""
+
+    frame_s: float
+    textures: dict[str, Texture] = field(default_factory=lambda: {name: Texture() for name in TEXTURED})
+    commands: deque[tuple[float, float]] = field(default_factory=deque)  # time and current, while the controller drives
+    smooth: list[float] = field(default_factory=lambda: [math.nan] * 3)  # speed, wheel, radar
+    past: deque[tuple[float, float, float]] = field(default_factory=deque)  # time, speed, engine speed
+
+    def take(self, seen: Seen) -> None:
+        """One frame period on."""
+        share = 1.0 - math.exp(-self.frame_s / SMOOTH_S)
+        for i, value in enumerate((seen.speed_mps, seen.wheel_mps, seen.radar_mps)):
+            known = math.isfinite(self.smooth[i]) and math.isfinite(value)
+            self.smooth[i] = self.smooth[i] + share * (value - self.smooth[i]) if known else value
+        self.past.append((seen.time_s, seen.speed_mps, seen.engine_rpm))
+        while seen.time_s - self.past[0][0] > RATE_S + 1e-6:
+            self.past.popleft()
+        if math.isfinite(seen.commanded_ma):
+            self.commands.append((seen.time_s, seen.commanded_ma))
+        else:
+            self.commands.clear()
+        while self.commands and seen.time_s - self.commands[0][0] > WINDOW_S + 1e-6:
+            self.commands.popleft()
+
+
+def _current(seen: Seen, memory: Memory, settings: PlausibilitySettings) -> float:
+    sent = [current_ma for _, current_ma in memory.commands]
+    if len(sent) < 2:
+        return math.nan
+    return max(seen.current_ma - max(sent), min(sent) - seen.current_ma) / settings.current_ma
+
+
+def _speeds(seen: Seen, memory: Memory, settings: PlausibilitySettings) -> float:
+    """Two of three: the drive's speed has to agree with one of the others, as long as there is one.
+
+    Wheels may slip only where there is no radar: a drive that shows too little would else pass for one that slips.
+    """
+    speed, wheel, radar = memory.smooth
+    allowed = settings.speed_mps + settings.speed_share * abs(speed)
+    wheel_ahead = (wheel - speed) * math.copysign(1.0, speed)
+    slip = 0.0 if math.isfinite(radar) else settings.slip_share * abs(speed)
+    from_wheel = max(wheel_ahead / (allowed + slip), -wheel_ahead / allowed)
+    found = [one for one in (from_wheel, abs(radar - speed) / allowed) if math.isfinite(one)]
+    return min(found, default=math.nan)
+
+
+def _rate(memory: Memory, column: int) -> float:
+    first, last = memory.past[0], memory.past[-1]
+    passed_s = last[0] - first[0]
+    return abs(last[column] - first[column]) / passed_s if passed_s > 0.0 else math.nan
+
+
+def _rough(memory: Memory, settings: PlausibilitySettings) -> float:
+    allowed = (settings.speed_roughness_mps, settings.current_roughness_ma, settings.engine_roughness_rpm)
+    return max(memory.textures[name].roughness / most for name, most in zip(TEXTURED, allowed, strict=True))
+
+
+def _frozen(seen: Seen, memory: Memory, settings: PlausibilitySettings) -> float:
+    return max(texture.frozen_s for texture in memory.textures.values()) / settings.frozen_s
+
+
+def _response(seen: Seen, memory: Memory, settings: PlausibilitySettings) -> float:
+    allowed = settings.disturbance_mps + settings.disturbance_share * abs(seen.speed_mps)
+    return abs(seen.disturbance_mps) / allowed
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """One row: what contradicts what, which share of the allowed difference is used, and how long it may be above 1."""
+
+    name: str
+    used: Callable[[Seen, Memory, PlausibilitySettings], float]
+    for_s: float
+    driving: bool = False
+
+
+CHECKS: Final = (
+    Check("another node sends our messages", lambda seen, memory, settings: math.inf if seen.imposters else 0.0, 0.0),
+    Check("frames of a message come damaged or out of order", lambda seen, memory, settings:
+          seen.faulty_share / settings.faulty_share, 0.0),
+    Check("a message has a second sender", lambda seen, memory, settings: seen.crowding / settings.crowd, 0.0, True),
+    Check("the program gets too little time", lambda seen, memory, settings: seen.pace / settings.pace, 0.0),
+    Check("the current does not follow its command", _current, 0.1, True),
+    Check("the drive's speed is not that of wheel and ground", _speeds, 0.3),
+    Check("the speed changes faster than tyres allow", lambda seen, memory, settings:
+          _rate(memory, 1) / settings.accel_mps2, 0.1),
+    Check("the engine speed changes faster than it can", lambda seen, memory, settings:
+          _rate(memory, 2) / settings.engine_rpm_per_s, 0.05),
+    Check("a sensor is too noisy", lambda seen, memory, settings: _rough(memory, settings), 0.2),
+    Check("a sensor is frozen", _frozen, 0.0, True),
+    Check("current and speed do not fit the model", _response, 0.3),
+    Check("the machine does not follow", lambda seen, memory, settings:
+          (seen.reference_mps - seen.speed_mps) / (settings.behind_mps + 0.1 * abs(seen.speed_mps)), 1.0, True),
+)  # fmt: skip
+
+
+class Plausibility:
+    """`contradiction` is the answer; `memory` and since when each check fails are all its state."""
+
+    def __init__(self, settings: PlausibilitySettings, frame_s: float) -> None:
+        self.settings = settings
+        self.memory = Memory(frame_s)
+        self.since_s: dict[str, float] = {}
+        self.contradiction = ""
+
+    def read(self, name: str, time_s: float, value: float) -> None:
+        """One reading as it came off the bus."""
+        texture = self.memory.textures.get(name)
+        if texture is not None:
+            texture.take(time_s, value)
+
+    def step(self, seen: Seen) -> str:
+        """One frame period on; which signals can't all be true, or nothing."""
+        self.memory.take(seen)
+        driving = math.isfinite(seen.commanded_ma)
+        found = ""
+        for check in CHECKS:
+            fails = (driving or not check.driving) and check.used(seen, self.memory, self.settings) > 1.0
+            if not fails:
+                self.since_s.pop(check.name, None)
+                continue
+            since_s = self.since_s.setdefault(check.name, seen.time_s)
+            if seen.time_s - since_s >= check.for_s - 1e-6 and not found:
+                found = check.name
+        self.contradiction = found
+        return found

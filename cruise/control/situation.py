@@ -1,0 +1,97 @@
+"""What is known at one instant, and what of it stands in the way of the controller or of an experiment."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import msgspec
+
+from cruise.control.commissioning import CommissioningSettings, Experiment
+from cruise.settings import Positive
+
+
+class EngagementSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Within what the machine may be driven."""
+
+    speed_min_mps: Positive = 0.3  # m/s, slower is manoeuvring, a person's work
+    speed_max_mps: Positive = 8.5  # m/s, just over 30 km/h, the road limit of most machines
+    setpoint_step_mps: Positive = 0.1  # m/s, of the buttons accelerate and coast
+    lever_moved_pct: Positive = 5.0  # %, change of the lever that means the operator wants it
+    override_s: Positive = 1.0  # s that pedals and lever have to be left alone before an override is over
+    reached_mps: Positive = 0.1  # m/s, speed to setpoint at which the take-over is done: 5 % of a usual speed
+    overspeed_mps: Positive = 0.3  # m/s above setpoint and reference: something else drives
+    shifts_under_way: bool = False  # a gearbox that changes gear under load; with others a changed gear is an exit
+
+
+@dataclass(frozen=True, slots=True)
+class Situation:
+    """What a decision needs to know, at one instant. NaN and False where nothing is known."""
+
+    time_s: float
+    enable: bool  # main switch
+    set: bool  # buttons as they stand
+    resume: bool
+    accelerate: bool
+    coast: bool
+    operator_present: bool  # the panel's frames are fresh
+    signals_valid: bool  # everything that estimator and controller need is fresh and measured
+    drive_signals_valid: (
+        bool  # current, speed, gear, lever and pedals are fresh and measured: an experiment needs these
+    )
+    model_ready: bool  # the observer has caught up with the machine
+    healthy: bool  # bus and program
+    contradiction: str  # which signals can't all be true; empty where they can
+    brake: bool
+    clutch: bool
+    gear: float
+    lever_pct: float
+    speed_mps: float
+    requested_mps: float  # setpoint on the bus
+    reference_mps: float  # what the controller follows now
+    requested_experiment: int  # number that the panel asks for, 0: none
+    experiment_over: bool  # the running experiment has come to its end
+
+
+def against_engaging(now: Situation, settings: EngagementSettings) -> str:
+    """The first thing that stands in the way of the controller, in words; empty where nothing does."""
+    wanted = now.speed_mps if now.set else now.requested_mps
+    low, high = settings.speed_min_mps, settings.speed_max_mps
+    return _first(
+        {
+            "signals are missing": not now.signals_valid,
+            "the panel's frames are missing": not now.operator_present,
+            "the observer has not caught up yet": not now.model_ready,
+            f"signals contradict each other: {now.contradiction}": bool(now.contradiction),
+            "brake or clutch is pressed": now.brake or now.clutch,
+            "no gear is engaged": not now.gear > 0,
+            "the machine is too slow or too fast": not low <= now.speed_mps <= high,
+            "the setpoint is out of range": not low <= wanted <= high,
+        }
+    )
+
+
+def against_commissioning(
+    now: Situation, last: Situation, settings: CommissioningSettings | None, experiment: Experiment | None
+) -> str:
+    """The first thing that stands in the way of the experiment that is asked for; empty where nothing does."""
+    if settings is None:
+        return "the settings have no commissioning"
+    if experiment is None:
+        return "no experiment has this number"
+    gear = experiment.conditions.gear
+    return _first(
+        {
+            "an experiment begins with set, not with resume": not now.set,
+            "the experiment has to be asked for before the button": last.requested_experiment
+            != now.requested_experiment,
+            "signals are missing": not now.drive_signals_valid,
+            "the panel's frames are missing": not now.operator_present,
+            "brake or clutch is pressed": now.brake or now.clutch,
+            f"the experiment is for gear {gear}": now.gear != gear,
+            "the lever is not at rest": not abs(now.lever_pct) <= settings.lever_rest_pct,
+            "the machine is not near standstill": not abs(now.speed_mps) <= settings.start_speed_max_mps,
+        }
+    )
+
+
+def _first(obstacles: Mapping[str, bool]) -> str:
+    return next((reason for reason, there in obstacles.items() if there), "")

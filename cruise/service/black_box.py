@@ -1,0 +1,46 @@
+"""The recorder of the machine: it listens to the bus, keeps the last hours, and freezes what is around an exit."""
+
+from cruise.can.codec import Codec
+from cruise.can.frame import Frame
+from cruise.can.ring import Ring
+
+COMMAND = "PumpCurrentCommand"
+SILENCE_S = 0.3  # s without a command, after which the cruise control is gone; the drive gives up after 0.2 s
+
+
+class BlackBox:
+    """A node that only listens. An exit is the end of active commands, told or by silence."""
+
+    period_s = 0.1
+
+    def __init__(self, codec: Codec, ring: Ring) -> None:
+        self.codec = codec
+        self.ring = ring
+        self.exits = 0
+        self._active = False
+        self._command_s = 0.0
+        self._now_s = 0.0
+
+    def receive(self, frame: Frame) -> None:
+        """Write one frame down."""
+        self.ring.write(frame, self._now_s)
+        decoded = self.codec.decode(frame)
+        if decoded.message != COMMAND or decoded.fault is not None:
+            return
+        self._command_s = self._now_s
+        active = any(reading.name == "command_active" and reading.value == 1.0 for reading in decoded.readings)
+        if self._active and not active:
+            self._exit()
+        self._active = active
+
+    def tick(self, now_s: float) -> list[Frame]:
+        """It says nothing."""
+        self._now_s = now_s
+        if self._active and now_s - self._command_s > SILENCE_S:
+            self._active = False
+            self._exit()
+        return []
+
+    def _exit(self) -> None:
+        self.exits += 1
+        self.ring.freeze(self._now_s)

@@ -1,0 +1,92 @@
+"""What the service has heard: the newest reading of every signal, and how the frames that brought them behaved.
+
+A reading counts as stale as soon as it will be at the next tick, so that whoever waits for it acts in time.
+"""
+
+import math
+from collections import Counter, deque
+from collections.abc import Collection
+from typing import Final
+
+from cruise.can.codec import Codec, Decoded
+from cruise.can.frame import Frame, FrameFault
+from cruise.can.messages import CONTRACTS, FAST_MESSAGE
+from cruise.sampling import SamplingSettings
+from cruise.signals import INPUT, OUTPUT, Reading
+
+RADAR: Final = "radar_speed_mps"  # the ground speed that is not the drive's own
+OURS: Final = frozenset(one.name for one in CONTRACTS if one.sender == "cruise")
+PROTECTED: Final = frozenset(one.name for one in CONTRACTS if one.own and one.sender != "cruise")
+DAMAGED: Final = frozenset({FrameFault.BAD_CRC, FrameFault.COUNTER_REPEATED, FrameFault.COUNTER_JUMPED})
+LAST_FRAMES: Final = 10  # of a protected message, over which the share of damaged ones is taken
+COUNT_S: Final = 1.0  # s over which the frames of a message are counted
+MOST: Final = 1000  # frames that are counted of a message: a flood must not fill the memory
+FEW: Final = 1.0  # frame that a count may be off by
+
+
+class Hearing:
+    """Takes frames in; everything else is to be read."""
+
+    def __init__(self, codec: Codec, sampling: SamplingSettings, period_s: float) -> None:
+        self.codec = codec
+        self.sampling = sampling
+        self.period_s = period_s
+        self.latest: dict[str, tuple[float, float]] = {}
+        self.faults: Counter[str] = Counter()
+        self.imposters = 0  # intact frames of our own messages, since the start
+        self.damaged = {name: deque([False] * LAST_FRAMES, maxlen=LAST_FRAMES) for name in PROTECTED}
+        self.arrivals: dict[str, deque[float]] = {}
+        self.usual: dict[str, int] = {}  # frames of each message in the last second before the controller took over
+
+    def take(self, frame: Frame, ignored: Collection[str] = ()) -> list[Reading]:
+        """Take one frame in, whatever it is; return its readings; speed and current are the drive's own."""
+        decoded = self.codec.decode(frame)
+        if decoded.fault is not None:
+            self.faults[str(decoded.fault)] += 1
+        if decoded.message is not None:
+            self._note(decoded.message, decoded, frame.timestamp)
+        kept = []
+        for reading in decoded.readings:
+            if reading.name in ignored:
+                continue
+            if reading.name == OUTPUT and decoded.message != FAST_MESSAGE:
+                self.latest[RADAR] = (reading.time_s, reading.value)
+            elif reading.name != INPUT or decoded.message == FAST_MESSAGE:
+                self.latest[reading.name] = (reading.time_s, reading.value)
+                kept.append(reading)
+        return kept
+
+    def value(self, name: str, now_s: float) -> float:
+        """The newest value of a signal; NaN where it is stale or was not measured."""
+        time_s, value = self.latest.get(name, (-math.inf, math.nan))
+        return value if now_s + self.period_s - time_s <= self.sampling.stale_after(name) + 1e-6 else math.nan
+
+    def remember(self, now_s: float) -> None:
+        """Take the present rate of every message for the usual one."""
+        self.usual = {name: self._count(name, now_s) for name in self.arrivals}
+
+    def crowding(self, now_s: float) -> float:
+        """Of the busiest message, its frames in the last second over those that are usual; NaN: none is known."""
+        return max(
+            (self._count(name, now_s) / (count + FEW) for name, count in self.usual.items() if count), default=math.nan
+        )
+
+    @property
+    def faulty_share(self) -> float:
+        """Of the last frames of the worst protected message."""
+        return max(sum(frames) for frames in self.damaged.values()) / LAST_FRAMES
+
+    def _note(self, message: str, decoded: Decoded, time_s: float) -> None:
+        if message in OURS:
+            self.imposters += decoded.fault is None
+            return
+        if message in self.damaged and decoded.fault is not FrameFault.WRONG_SOURCE:
+            self.damaged[message].append(decoded.fault in DAMAGED)
+        if decoded.fault is None:
+            self.arrivals.setdefault(message, deque(maxlen=MOST)).append(time_s)
+
+    def _count(self, message: str, now_s: float) -> int:
+        arrivals = self.arrivals[message]
+        while arrivals and now_s - arrivals[0] > COUNT_S:
+            arrivals.popleft()
+        return len(arrivals)

@@ -1,0 +1,179 @@
+"""What survives a restart: learned parameters and statistics, of one machine and one model, never half written.
+
+A file is one line with the checksum of the rest, then JSON with a version. A new one is written beside the old one and
+takes its place in one step; the old one stays as `NAME.previous`, and is read where the new one is broken:
+
+    NAME.new: write, fsync;    NAME.previous: link to NAME;    NAME.new becomes NAME;    fsync of the folder
+
+so that at every instant NAME or NAME.previous is whole. What belongs to another machine or another model is refused.
+
+Sources: rename(2), fsync(2); T. Pillai et al., "All file systems are not created equal", OSDI 2014.
+"""
+
+import hashlib
+import os
+import queue
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Final
+
+import msgspec
+
+from cruise.model.model import Model
+
+VERSION: Final = 1
+MAX_BYTES: Final = 1_000_000  # a state has a few kB
+Count = Annotated[int, msgspec.Meta(ge=0)]
+Amount = Annotated[float, msgspec.Meta(ge=0)]
+
+
+class PersistenceSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Where the state is kept, and whose it is."""
+
+    machine: Annotated[str, msgspec.Meta(min_length=1)]  # serial number, or any name that no other machine has
+    folder: str = "/var/lib/cruise"
+    every_s: Annotated[float, msgspec.Meta(gt=0)] = 30.0  # s, at most this much is lost with the power
+
+
+class Statistics(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What the machine has done in all its runs."""
+
+    starts: Count = 0
+    run_s: Amount = 0.0
+    engaged_s: Amount = 0.0
+    distance_m: Amount = 0.0  # while engaged
+    exits: dict[str, Count] = {}  # by condition
+
+
+class Kept(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The state of one machine. `learned` is what Estimator.save gave."""
+
+    machine: str
+    model: str  # fingerprint of the factory model that it belongs to
+    learned: dict[str, Any]
+    statistics: Statistics
+    version: int = VERSION
+
+
+class BrokenStateError(ValueError):
+    """A state that cannot be used; the message says which file and why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """What was read: the state, None if there is none, and what was wrong with the files on the way to it."""
+
+    kept: Kept | None
+    problems: tuple[str, ...]
+
+
+def fingerprint(model: Model) -> str:
+    """Return what tells one factory model from another: structure, shapes and parameters."""
+    return hashlib.sha256(repr(model).encode()).hexdigest()[:16]
+
+
+class StateFile:
+    """The state of one machine with one model in one file; one writer at a time."""
+
+    def __init__(self, path: Path, machine: str, model: str) -> None:
+        self.path = path
+        self.previous = path.with_name(f"{path.name}.previous")
+        self.machine = machine
+        self.model = model
+
+    def write(self, kept: Kept) -> None:
+        """Put `kept` in place of what is there. Raises OSError; what was there is then still there."""
+        body = msgspec.json.encode(kept)
+        new, link = self.path.with_name(f"{self.path.name}.new"), self.path.with_name(f"{self.path.name}.link")
+        with new.open("wb") as stream:
+            stream.write(hashlib.sha256(body).hexdigest().encode() + b"\n" + body)
+            stream.flush()
+            os.fsync(stream.fileno())
+        if self._readable(self.path):  # a broken one must not take the place of a good one
+            link.unlink(missing_ok=True)
+            os.link(self.path, link)
+            link.replace(self.previous)
+        new.replace(self.path)
+        folder = os.open(self.path.parent, os.O_RDONLY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)
+
+    def read(self, check: Callable[[Kept], None] = lambda kept: None) -> Found:
+        """Return the newest state that is whole, ours, and which `check` lets pass; it raises ValueError if not."""
+        problems = []
+        for path in (self.path, self.previous):
+            try:
+                kept = self._read(path)
+                check(kept)
+            except FileNotFoundError:
+                continue
+            except (OSError, ValueError, LookupError, TypeError) as error:
+                problems.append(str(error) if isinstance(error, BrokenStateError) else f"{path}: {error}")
+            else:
+                return Found(kept, tuple(problems))
+        return Found(None, tuple(problems))
+
+    def _readable(self, path: Path) -> bool:
+        try:
+            self._read(path)
+        except (OSError, BrokenStateError):
+            return False
+        return True
+
+    def _read(self, path: Path) -> Kept:
+        with path.open("rb") as stream:
+            checksum, _, body = stream.read(MAX_BYTES).partition(b"\n")
+        if hashlib.sha256(body).hexdigest().encode() != checksum:
+            raise BrokenStateError(f"{path}: its checksum is wrong; it is not used")
+        try:
+            kept = msgspec.json.decode(body, type=Kept)
+        except msgspec.MsgspecError as error:
+            raise BrokenStateError(f"{path}: not a state of version {VERSION}: {error}") from error
+        for what, found, wanted in (
+            ("version", kept.version, VERSION),
+            ("machine", kept.machine, self.machine),
+            ("model", kept.model, self.model),
+        ):
+            if found != wanted:
+                raise BrokenStateError(f"{path}: it is for {what} {found}, here is {wanted}; it is not used")
+        return kept
+
+
+class Keeper:
+    """Writes states in a thread of its own, the newest only: the disk must not hold up the loop."""
+
+    def __init__(self, file: StateFile) -> None:
+        self.problem = ""  # why the last one could not be written
+        self._file = file
+        self._waiting: queue.SimpleQueue[Kept | None] = queue.SimpleQueue()
+        self._thread = threading.Thread(target=self._work, name="keeper", daemon=True)
+        self._thread.start()
+
+    def keep(self, kept: Kept) -> None:
+        """Have `kept` written soon."""
+        self._waiting.put(kept)
+
+    def close(self) -> None:
+        """Wait until all has been written."""
+        self._waiting.put(None)
+        self._thread.join()
+
+    def _work(self) -> None:
+        open_ = True
+        while open_:
+            states = [self._waiting.get()]
+            while not self._waiting.empty():
+                states.append(self._waiting.get())
+            open_ = states[-1] is not None
+            newest = next((kept for kept in reversed(states) if kept is not None), None)
+            if newest is None:
+                continue
+            try:
+                self._file.write(newest)
+                self.problem = ""
+            except OSError as error:
+                self.problem = f"{self._file.path}: cannot be written: {error.strerror}"

@@ -1,0 +1,61 @@
+"""The cruise control as a member of the J1939 bus: it claims its address, says what is wrong, and speaks only while
+the address is its own.
+"""
+
+from cruise.can.address_claim import ADDRESS_CLAIMED, REQUEST, AddressClaim, Claim, name_of
+from cruise.can.bus import Filter
+from cruise.can.diagnostics import FAULT, SIGNALS_MISSING, Diagnostics, TroubleCode
+from cruise.can.frame import Frame
+from cruise.can.settings import CanSettings
+from cruise.control.engagement import State
+from cruise.service.cruise_node import CruiseNode
+
+FILTERS = tuple(Filter(pgn << 8, 0x03FF0000, True) for pgn in (REQUEST, ADDRESS_CLAIMED))  # whatever the destination
+
+
+class Station:
+    """The node with its address; without a fixed address (null in the settings) there is none to claim."""
+
+    def __init__(self, node: CruiseNode, settings: CanSettings) -> None:
+        address = settings.addresses.cruise
+        self.node = node
+        self.period_s = node.period_s
+        self.address = None if address is None else AddressClaim(address, name_of(settings.name))
+        self.diagnostics = None if address is None else Diagnostics(address)
+
+    @property
+    def may_speak(self) -> bool:
+        """Whether nobody else has our address."""
+        return self.address is None or self.address.claim is Claim.HELD
+
+    @property
+    def lost(self) -> bool:
+        """Whether another one has it."""
+        return self.address is not None and self.address.claim is Claim.LOST
+
+    def receive(self, frame: Frame) -> None:
+        """Take one frame in."""
+        if self.address is not None:
+            self.address.receive(frame)
+        self.node.receive(frame)
+
+    def tick(self, now_s: float) -> list[Frame]:
+        """One period on: what the node says, if it may."""
+        return self._said(now_s, self.node.tick(now_s))
+
+    def stop(self, now_s: float) -> list[Frame]:
+        """The last frames."""
+        return self._said(now_s, self.node.stop(now_s))
+
+    def _said(self, now_s: float, frames: list[Frame]) -> list[Frame]:
+        if self.address is None or self.diagnostics is None:
+            return frames
+        claim = self.address.tick(now_s)
+        if not self.may_speak:  # CANopen has addresses of its own
+            return [*claim, *(frame for frame in frames if not frame.is_extended_id)]
+        return [*claim, *frames, *self.diagnostics.tick(now_s, self._trouble())]
+
+    def _trouble(self) -> TroubleCode | None:
+        if self.node.engagement.state is State.FAULT:
+            return FAULT
+        return SIGNALS_MISSING if self.node.missing else None

@@ -1,0 +1,94 @@
+"""The black box's ring: readable to the last second, bounded, frozen around an exit, numbers that go on."""
+
+from pathlib import Path
+
+import pytest
+
+from cruise.can.frame import Frame
+from cruise.can.log import LogError, read_log
+from cruise.can.ring import Ring, RingSettings
+
+SETTINGS = RingSettings(size_bytes=1_000_000, segment_s=10.0, before_s=15.0, after_s=12.0)
+
+
+def frame(number: int, time_s: float) -> Frame:
+    data = (number * 2654435761 % 2**64).to_bytes(8, "little")  # nothing that compresses well
+    return Frame(arbitration_id=0x18FF1003, data=data, timestamp=1.7e9 + time_s)
+
+
+def fill(ring: Ring, begin_s: float, end_s: float, per_s: int = 10) -> None:
+    for number in range(round(begin_s * per_s), round(end_s * per_s)):
+        ring.write(frame(number, number / per_s), number / per_s)
+
+
+def names(ring: Ring) -> list[str]:
+    return [path.name.removesuffix(".log.gz") for path in ring.segments()]
+
+
+def test_every_frame_is_there_once_and_in_order(tmp_path: Path):
+    ring = Ring(tmp_path, SETTINGS, "can0")
+    fill(ring, 0.0, 35.0)
+    ring.close()
+    assert names(ring) == ["log-0000001", "log-0000002", "log-0000003", "log-0000004"]
+    read = [one for path in ring.segments() for one in read_log(path)]
+    assert [one.timestamp for one in read] == pytest.approx([1.7e9 + k / 10 for k in range(350)], abs=1e-6)
+    assert [bytes(one.data) for one in read] == [bytes(frame(k, 0.0).data) for k in range(350)]
+
+
+def test_where_the_power_goes_all_but_the_last_second_can_be_read(tmp_path: Path):
+    ring = Ring(tmp_path, SETTINGS, "can0")
+    fill(ring, 0.0, 8.0)
+    copy = tmp_path / "cut.log.gz"
+    copy.write_bytes(ring.segments()[-1].read_bytes())
+    read: list[Frame] = []
+    with pytest.raises(LogError, match="cannot be read"):
+        read.extend(read_log(copy))  # it takes what comes before the error
+    assert 69 <= len(read) <= 80
+    ring.close()
+
+
+def test_around_an_exit_it_is_frozen(tmp_path: Path):
+    ring = Ring(tmp_path, SETTINGS, "can0")
+    fill(ring, 0.0, 45.0)
+    ring.freeze(45.0)
+    fill(ring, 45.0, 80.0)
+    ring.close()
+    kinds = {name: name.split("-")[0] for name in names(ring)}
+    # Segments begin every 10 s: the exit at 45 s keeps from 30 s at the latest to 57 s at least.
+    assert [kinds[name] for name in names(ring)] == ["log", "log", "exit", "exit", "exit", "exit", "log", "log"]
+
+
+def test_it_never_exceeds_its_bound_and_exits_outlive_the_rest(tmp_path: Path):
+    small = RingSettings(size_bytes=20_000, segment_s=10.0, before_s=0.0, after_s=0.0)
+    ring = Ring(tmp_path, small, "can0")
+    fill(ring, 0.0, 20.0)
+    ring.freeze(20.0)
+    largest = 0
+    for begin_s in range(20, 400, 10):
+        fill(ring, float(begin_s), begin_s + 10.0)
+        largest = max(largest, sum(path.stat().st_size for path in ring.segments()))
+    ring.close()
+    assert largest <= small.size_bytes + 1_500, "but for what has not been flushed"
+    assert any(name.startswith("exit") for name in names(ring))
+    assert names(ring)[-1] == "log-0000040"
+    assert len(names(ring)) < 40
+
+
+def test_many_exits_do_not_push_the_present_out(tmp_path: Path):
+    small = RingSettings(size_bytes=20_000, segment_s=10.0, before_s=5.0, after_s=5.0)
+    ring = Ring(tmp_path, small, "can0")
+    for begin_s in range(0, 400, 10):
+        fill(ring, float(begin_s), begin_s + 10.0)
+        ring.freeze(begin_s + 10.0)
+    ring.close()
+    assert sum(path.stat().st_size for path in ring.segments()) <= small.size_bytes
+    assert names(ring)[-1].endswith("40")
+
+
+def test_numbers_go_on_at_the_next_start(tmp_path: Path):
+    for _ in range(3):
+        ring = Ring(tmp_path, SETTINGS, "can0")
+        fill(ring, 0.0, 1.0)
+        ring.close()
+    kept = sorted(path.name for path in tmp_path.iterdir())
+    assert kept == [f"log-{number:07}.log.gz" for number in (1, 2, 3)]

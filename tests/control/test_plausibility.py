@@ -1,0 +1,128 @@
+"""What the signals say about each other: every check finds its lie, in time, and none finds one in the truth."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from random import Random
+
+import pytest
+
+from cruise.control.plausibility import CHECKS, Plausibility, PlausibilitySettings, Seen
+
+FRAME_S = 0.05
+TRUE = Seen(
+    time_s=0.0,
+    speed_mps=1.5,
+    wheel_mps=1.55,
+    radar_mps=1.5,
+    current_ma=800.0,
+    engine_rpm=2100.0,
+    commanded_ma=800.0,
+    reference_mps=1.5,
+    disturbance_mps=0.1,
+    crowding=1.0,
+    faulty_share=0.0,
+    imposters=0,
+    pace=1.0,
+)
+NOISE = {"ground_speed_mps": 0.015, "pump_current_ma": 1.0, "engine_speed_rpm": 2.0}
+Lie = Callable[[Seen, float], Seen]
+"""What is seen, and for how long the lie has been there in s, to what is seen with the lie in it."""
+
+
+def found(lie: Lie, seconds: float = 3.0, noise: dict[str, float] = NOISE) -> tuple[str, float]:
+    """The first contradiction and when it was found; three seconds of truth before."""
+    plausibility, dice = Plausibility(PlausibilitySettings(), FRAME_S), Random(1)
+    for k in range(1, round((3.0 + seconds) / FRAME_S) + 1):
+        now_s = k * FRAME_S
+        lying = now_s > 3.0
+        for i in (1, 0):
+            for name, value in (("ground_speed_mps", 1.5), ("pump_current_ma", 800.0), ("engine_speed_rpm", 2100.0)):
+                std = noise[name] if lying else NOISE[name]
+                plausibility.read(name, now_s - 0.02 * i, value + dice.gauss(0.0, std))
+        seen = replace(TRUE, time_s=now_s)
+        said = plausibility.step(lie(seen, now_s - 3.0) if lying else seen)
+        if said:
+            assert lying, f"{said}, though nobody lied"
+            return said, now_s - 3.0
+    return "", math.nan
+
+
+LIES: dict[str, tuple[Lie, float]] = {
+    "another node sends our messages": (lambda seen, s: replace(seen, imposters=1), 0.0),
+    "frames of a message come damaged or out of order": (lambda seen, s: replace(seen, faulty_share=0.6), 0.0),
+    "a message has a second sender": (lambda seen, s: replace(seen, crowding=1.7), 0.0),
+    "the program gets too little time": (lambda seen, s: replace(seen, pace=1.6), 0.0),
+    "the current does not follow its command": (lambda seen, s: replace(seen, current_ma=845.0), 0.1),
+    "the drive's speed is not that of wheel and ground": (
+        lambda seen, s: replace(seen, speed_mps=1.5 - 0.4 * min(s, 1.0)),
+        1.3,
+    ),
+    "the speed changes faster than tyres allow": (
+        lambda seen, s: replace(seen, speed_mps=1.5 + 5.0 * s, wheel_mps=1.5 + 5.0 * s, radar_mps=1.5 + 5.0 * s),
+        0.3,
+    ),
+    "the engine speed changes faster than it can": (lambda seen, s: replace(seen, engine_rpm=1900.0), 0.1),
+    "current and speed do not fit the model": (lambda seen, s: replace(seen, disturbance_mps=-0.9), 0.3),
+    "the machine does not follow": (lambda seen, s: replace(seen, reference_mps=2.0), 1.0),
+}
+
+
+@pytest.mark.parametrize("check", LIES)
+def test_a_check_finds_its_lie_in_time(check):
+    lie, within_s = LIES[check]
+    said, after_s = found(lie)
+    assert said == check
+    assert after_s <= within_s + 1.01 * FRAME_S
+
+
+def test_a_drive_that_shows_too_little_does_not_pass_for_one_whose_wheels_slip():
+    said, _ = found(lambda seen, s: replace(seen, speed_mps=1.5 - 0.25 * min(s, 1.0)))
+    assert said == "the drive's speed is not that of wheel and ground"
+
+
+@pytest.mark.parametrize("name", NOISE)
+def test_a_noisy_sensor_is_found_and_a_frozen_one(name):
+    assert found(lambda seen, s: seen, noise=NOISE | {name: 20.0 * NOISE[name]})[0] == "a sensor is too noisy"
+    said, after_s = found(lambda seen, s: seen, noise=NOISE | {name: 0.0})
+    assert said == "a sensor is frozen"
+    assert after_s == pytest.approx(0.55, abs=0.06)
+
+
+def test_every_check_is_tried_above():
+    assert {check.name for check in CHECKS} == {*LIES, "a sensor is too noisy", "a sensor is frozen"}
+
+
+HARMLESS: dict[str, Lie] = {
+    "the truth": lambda seen, s: seen,
+    "the command moves at its greatest rate and the current a frame later": lambda seen, s: replace(
+        seen, commanded_ma=800.0 + 600.0 * min(s, 0.5), current_ma=800.0 + 600.0 * min(max(s - FRAME_S, 0.0), 0.5)
+    ),
+    "wheels slip uphill": lambda seen, s: replace(seen, wheel_mps=1.8, radar_mps=1.5),
+    "wheels slip, and there is no radar": lambda seen, s: replace(seen, wheel_mps=1.83, radar_mps=math.nan),
+    "no other speed is there": lambda seen, s: replace(
+        seen, speed_mps=1.5 - 0.2 * min(s, 1.0), wheel_mps=math.nan, radar_mps=math.nan
+    ),
+    "the radar alone is wrong": lambda seen, s: replace(seen, radar_mps=0.0),
+    "the wheel alone is wrong": lambda seen, s: replace(seen, wheel_mps=0.0),
+    "a burst of frames": lambda seen, s: replace(seen, crowding=1.5),
+    "the engine labours": lambda seen, s: replace(seen, engine_rpm=2100.0 - 300.0 * min(s, 1.0)),
+    "behind for a moment": lambda seen, s: replace(seen, reference_mps=2.5 if s < 0.9 else 1.5),
+    "nothing is measured": lambda seen, s: replace(
+        seen, speed_mps=math.nan, current_ma=math.nan, engine_rpm=math.nan, disturbance_mps=math.nan
+    ),
+    "somebody else drives, at another current": lambda seen, s: replace(
+        seen, commanded_ma=math.nan, reference_mps=math.nan, current_ma=500.0, crowding=3.0
+    ),
+}
+
+
+@pytest.mark.parametrize("case", HARMLESS)
+def test_what_may_be_is_no_contradiction(case):
+    assert found(HARMLESS[case]) == ("", pytest.approx(math.nan, nan_ok=True))
+
+
+def test_the_contradiction_goes_with_its_cause():
+    plausibility = Plausibility(PlausibilitySettings(), FRAME_S)
+    assert plausibility.step(replace(TRUE, time_s=1.0, imposters=0, faulty_share=0.9))
+    assert plausibility.step(replace(TRUE, time_s=1.05)) == plausibility.contradiction == ""

@@ -1,0 +1,52 @@
+"""The recorder sees an exit where the commands become inactive, and where they stop."""
+
+from pathlib import Path
+
+import pytest
+from msgspec import structs
+
+from cruise.can.codec import Codec
+from cruise.can.ring import Ring, RingSettings
+from cruise.cli.places import CONFIG
+from cruise.service import settings as service_settings
+from cruise.service.black_box import BlackBox
+
+SETTINGS = service_settings.load(CONFIG / "cruise.yaml")
+
+
+def drive(folder: Path, active: list[bool | None]) -> BlackBox:
+    """A command every 0.1 s, active or not; None: none comes."""
+    can = structs.replace(SETTINGS.can, bus="virtual")
+    sender, box = (
+        Codec.load(SETTINGS.database, can),
+        BlackBox(
+            Codec.load(SETTINGS.database, can),
+            Ring(folder, RingSettings(segment_s=1.0, before_s=0.0, after_s=0.0), "can0"),
+        ),
+    )
+    for number, one in enumerate(active):
+        if one is not None:
+            values = {"pump_current_command_ma": 500.0 * one, "command_active": float(one)}
+            box.receive(sender.encode("PumpCurrentCommand", values, 0.1 * number))
+        box.tick(0.1 * (number + 1))
+    box.ring.close()
+    return box
+
+
+@pytest.mark.parametrize(
+    ("active", "exits"),
+    [
+        ([False] * 10, 0),
+        ([False, True, True, True], 0),
+        ([True, True, False, False, True, False], 2),
+        ([True, True, None, True, True], 0),  # one was lost
+        ([True, True, None, None, None, None, None], 1),  # it is gone
+        ([True, None, None, None, None, None, False], 1),
+    ],
+)
+def test_exits(tmp_path: Path, active: list[bool | None], exits: int):
+    box = drive(tmp_path, active)
+    assert box.exits == exits
+    assert box.ring.frames == sum(one is not None for one in active)
+    frozen = [path for path in box.ring.segments() if path.name.startswith("exit")]
+    assert bool(frozen) is (exits > 0)

@@ -1,0 +1,133 @@
+"""The service from start to neutral: what systemd is told, what is kept, what a lost bus does. On the virtual bus."""
+
+import os
+import socket
+import time
+from pathlib import Path
+
+import pytest
+from msgspec import structs
+
+from cruise.can.bus import Bus, open_bus
+from cruise.can.codec import Codec
+from cruise.can.error_frames import BusHealth
+from cruise.can.settings import CanSettings
+from cruise.cli.places import CONFIG
+from cruise.control.engagement import State
+from cruise.service import settings as service_settings
+from cruise.service.daemon import Daemon
+from cruise.service.notify import Notifier
+from cruise.service.persistence import PersistenceSettings
+from cruise.service.settings import CruiseSettings
+
+
+@pytest.fixture
+def settings(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> CruiseSettings:
+    monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path / "kept"))
+    found = service_settings.load(CONFIG / "cruise.yaml")
+    can = CanSettings(bus="virtual", channel=request.node.name)
+    return structs.replace(found, can=can, persistence=PersistenceSettings(machine="A1"))
+
+
+def run(daemon: Daemon, ticks: int, each_tick=lambda now_s: None) -> None:
+    """Serve for some ticks."""
+    done = 0
+
+    def tick(now_s: float) -> None:
+        nonlocal done
+        done += 1
+        each_tick(now_s)
+
+    daemon.run(lambda: done < ticks, tick)
+
+
+def last_command(far: Bus, settings: CruiseSettings) -> dict[str, float]:
+    codec = Codec.load(settings.database, settings.can)
+    decoded = [codec.decode(frame) for frame in far.drain()]
+    commands = [one for one in decoded if one.message == "PumpCurrentCommand"]
+    return {reading.name: reading.value for reading in commands[-1].readings}
+
+
+def test_systemd_is_told_and_the_watchdog_is_fed(settings: CruiseSettings, tmp_path: Path):
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as systemd:
+        systemd.bind(str(tmp_path / "notify"))
+        systemd.settimeout(5.0)
+        environment = {
+            "NOTIFY_SOCKET": str(tmp_path / "notify"),
+            "WATCHDOG_USEC": "200000",
+            "WATCHDOG_PID": str(os.getpid()),
+        }
+        run(Daemon(settings, Notifier.of(environment), print), 10)
+        told = []
+        systemd.setblocking(False)
+        try:
+            while True:
+                told.append(systemd.recv(1000).decode())
+        except BlockingIOError:
+            pass
+    assert told[0] == "READY=1\nWATCHDOG_USEC=200000"
+    assert "STATUS=off" in told
+    assert 5 <= told.count("WATCHDOG=1") <= 10, "every 50 ms, and at most once a tick"
+
+
+def test_a_watchdog_meant_for_another_process_is_not_fed(settings: CruiseSettings):
+    notifier = Notifier.of({"NOTIFY_SOCKET": "", "WATCHDOG_USEC": "200000", "WATCHDOG_PID": "1"})
+    notifier.alive(5.0)  # and without a socket nothing happens at all
+    notifier.tell("READY=1")
+
+
+def test_the_last_word_is_neutral_even_after_an_error(settings: CruiseSettings):
+    def fail(now_s: float) -> None:
+        raise RuntimeError("on purpose")
+
+    with open_bus(settings.can) as far:
+        with pytest.raises(RuntimeError, match="on purpose"):
+            run(Daemon(settings, Notifier(""), print), 10, fail)
+        assert last_command(far, settings) == {"pump_current_command_ma": 0.0, "command_active": 0.0}
+
+
+def test_statistics_and_parameters_are_there_at_the_next_start(settings: CruiseSettings):
+    first = Daemon(settings, Notifier(""), print)
+    first.node.estimator.rls.theta = 1.01 * first.node.estimator.rls.theta
+    learned = first.node.estimator.rls.theta.tolist()
+    run(first, 4)
+    second = Daemon(settings, Notifier(""), print)
+    assert second.node.estimator.rls.theta.tolist() == learned
+    assert second.chronicle is not None
+    assert second.chronicle.state().statistics.starts == 2
+    assert second.chronicle.state().statistics.run_s == pytest.approx(4 * second.node.period_s, abs=0.1)
+    second.bus.close()
+    other = structs.replace(settings, persistence=PersistenceSettings(machine="B2"))
+    lines: list[str] = []
+    third = Daemon(other, Notifier(""), lines.append)
+    assert third.node.estimator.rls.theta.tolist() != learned
+    assert "it is for machine A1, here is B2" in lines[0]
+    third.bus.close()
+
+
+@pytest.mark.parametrize("health", [BusHealth.OFF, BusHealth.LOST])
+def test_without_a_bus_it_lets_go_and_does_not_come_back_by_itself(settings: CruiseSettings, health: BusHealth):
+    lines: list[str] = []
+    daemon = Daemon(settings, Notifier(""), lines.append)
+    states = []
+
+    def each_tick(now_s: float) -> None:
+        ticks = len(states)
+        if ticks == 1:
+            daemon.node.engagement.state = State.ENGAGED
+            daemon.bus.health = health
+        if ticks == 4:
+            daemon.bus.health = BusHealth.ACTIVE
+        states.append(daemon.node.engagement.state)
+
+    run(daemon, 10, each_tick)
+    assert states[1] is State.ENGAGED
+    assert states[3:] == [State.FAULT] * 7
+    assert [line.split(": ")[1] for line in lines] == [f"active -> {health}", f"{health} -> active"]
+
+
+def test_the_loop_keeps_its_pace(settings: CruiseSettings):
+    daemon = Daemon(settings, Notifier(""), print)
+    begin_s = time.monotonic()
+    run(daemon, 20)
+    assert time.monotonic() - begin_s >= 20 * daemon.node.period_s

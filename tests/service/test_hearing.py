@@ -1,0 +1,75 @@
+"""What the service hears: the newest reading as long as it counts, and how the frames behave that bring it."""
+
+import math
+
+import pytest
+
+from cruise.sampling import SamplingSettings
+from cruise.service.hearing import RADAR, Hearing
+from tests.service.drive import codec
+
+FRAME_S = 0.05
+
+
+def hearing() -> Hearing:
+    return Hearing(codec(), SamplingSettings(), FRAME_S)
+
+
+def test_a_reading_counts_until_the_tick_before_it_is_stale():
+    ears = hearing()
+    ears.take(codec().encode("EEC1", {"engine_speed_rpm": 2000.0}, 1.0))
+    assert ears.value("engine_speed_rpm", 1.25) == 2000.0
+    assert math.isnan(ears.value("engine_speed_rpm", 1.26))  # the next tick would be 0.31 s after the reading
+    assert math.isnan(ears.value("gear", 1.0))
+
+
+def test_the_radars_speed_is_not_the_drives():
+    ears = hearing()
+    kept = ears.take(codec().encode("GBSD", {"ground_speed_mps": 1.3}, 1.0))
+    assert "ground_speed_mps" not in {reading.name for reading in kept}
+    assert math.isnan(ears.value("ground_speed_mps", 1.0))
+    assert ears.value(RADAR, 1.0) == pytest.approx(1.3)
+
+
+def test_what_is_ignored_is_not_taken_in():
+    ears = hearing()
+    frame = codec().encode("MachineSelectedSpeedCommand", {"setpoint_mps": 1.3}, 1.0)
+    assert "setpoint_mps" not in {reading.name for reading in ears.take(frame, ("setpoint_mps",))}
+    assert math.isnan(ears.value("setpoint_mps", 1.0))
+
+
+def test_our_own_messages_from_elsewhere_are_counted_and_damaged_ones_are_not():
+    ears = hearing()
+    frame = codec().encode("PumpCurrentCommand", {"pump_current_command_ma": 1.0, "command_active": 1.0}, 1.0)
+    frame.data[3] ^= 1
+    ears.take(frame)
+    assert ears.imposters == 0
+    ears.take(codec().encode("MachineSelectedSpeed", {"machine_selected_speed_mps": 1.0}, 1.0))
+    assert ears.imposters == 1
+
+
+def test_the_share_of_faulty_frames_is_that_of_the_last_ten():
+    ears, sender = hearing(), codec()
+    for k in range(30):
+        frame = sender.encode("DriveFeedback", {"ground_speed_mps": 1.0, "pump_current_ma": 1.0}, 0.02 * k)
+        if k in (10, 11):
+            frame.data[3] ^= 1
+        ears.take(frame)
+        assert ears.faulty_share == pytest.approx(0.1 * sum(1 for bad in (10, 11) if bad <= k < bad + 10))
+
+
+def test_a_second_sender_shows_in_the_rate_and_a_late_burst_does_not():
+    def heard(times_s: list[float]) -> Hearing:
+        ears, sender = hearing(), codec()
+        for k in range(20):
+            ears.take(sender.encode("ETC2", {"gear": 2.0}, 0.1 * k))
+        ears.remember(1.9)
+        for time_s in times_s:
+            ears.take(sender.encode("ETC2", {"gear": 2.0}, time_s))
+        return ears
+
+    steady = [2.0 + 0.1 * k for k in range(20)]
+    assert heard(steady).crowding(3.9) <= 1.0
+    assert heard(sorted(steady + [time_s + 0.01 for time_s in steady])).crowding(3.95) > 1.6
+    assert heard([max(time_s, 2.3) for time_s in steady[:9]]).crowding(2.8) < 1.6
+    assert math.isnan(hearing().crowding(1.0))

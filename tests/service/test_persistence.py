@@ -1,0 +1,176 @@
+"""What survives: whole at every instant, of this machine and model only, the one before where the newest is broken."""
+
+import os
+import random
+import signal
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from cruise.cli.places import CONFIG
+from cruise.estimation.estimator import Estimator, EstimatorSettings
+from cruise.model import files
+from cruise.service import persistence
+from cruise.service.persistence import Keeper, Kept, StateFile, Statistics, fingerprint
+
+KILLS, SEED = 200, 7
+STEPS = 7  # calls in one write after which the process may be gone: open, fsync, unlink, link, two renames, fsync
+
+
+def state(starts: int) -> Kept:
+    learned = {"theta": [float(starts)] * 12, "root": [[0.125] * 12] * 12, "turn": starts}
+    return Kept(machine="A1", model="m", learned=learned, statistics=Statistics(starts=starts))
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> StateFile:
+    return StateFile(tmp_path / "state", "A1", "m")
+
+
+def test_it_comes_back_as_it_was_and_the_one_before_stays(file: StateFile):
+    assert file.read() == persistence.Found(None, ())
+    file.write(state(1))
+    file.write(state(2))
+    assert file.read() == persistence.Found(state(2), ())
+    assert StateFile(file.previous, "A1", "m").read().kept == state(1)
+
+
+@pytest.mark.parametrize("at", [0, 30, 64, 65, 200])
+def test_a_broken_file_gives_way_to_the_previous_one(file: StateFile, at: int):
+    file.write(state(1))
+    file.write(state(2))
+    data = bytearray(file.path.read_bytes())
+    data[at] ^= 1
+    file.path.write_bytes(data)
+    found = file.read()
+    assert found.kept == state(1)
+    assert "checksum" in found.problems[0]
+    file.write(state(3))  # the broken one does not become the previous one
+    assert StateFile(file.previous, "A1", "m").read().kept == state(1)
+    assert file.read().kept == state(3)
+
+
+@pytest.mark.parametrize("length", [0, 10, 65, 300])
+def test_a_truncated_file_gives_way_to_the_previous_one(file: StateFile, length: int):
+    file.write(state(1))
+    file.write(state(2))
+    file.path.write_bytes(file.path.read_bytes()[:length])
+    assert file.read().kept == state(1)
+
+
+@pytest.mark.parametrize(("machine", "model", "what"), [("B2", "m", "machine"), ("A1", "other", "model")])
+def test_what_belongs_to_another_machine_or_model_is_refused(file: StateFile, machine: str, model: str, what: str):
+    file.write(state(1))
+    found = StateFile(file.path, machine, model).read()
+    assert found.kept is None
+    assert f"it is for {what}" in found.problems[0]
+
+
+def test_another_version_is_refused(file: StateFile):
+    file.write(msgspec.structs.replace(state(1), version=persistence.VERSION + 1))
+    assert "version" in file.read().problems[0]
+
+
+def test_what_the_estimator_calls_unsafe_is_refused(file: StateFile):
+    estimator = Estimator(files.load(CONFIG / "factory_model.yaml"), EstimatorSettings())
+    good = msgspec.structs.replace(state(1), learned=estimator.save())
+    runaway = {**estimator.save(), "theta": [5.0] * len(estimator.factory.theta)}
+    file.write(good)
+    file.write(msgspec.structs.replace(state(2), learned=runaway))
+    found = file.read(lambda kept: estimator.restore(kept.learned))
+    assert found.kept == good
+    assert "not those of a stable drive" in found.problems[0]
+
+
+def test_the_fingerprint_tells_models_apart():
+    model = files.load(CONFIG / "factory_model.yaml")
+    assert fingerprint(model) == fingerprint(files.load(CONFIG / "factory_model.yaml"))
+    assert fingerprint(model) != fingerprint(model.with_theta([1.01 * value for value in model.theta]))
+
+
+def forked(work: Callable[[], None]) -> int:
+    """Run `work` in a process of its own and return its number."""
+    child = os.fork()
+    if child == 0:
+        try:
+            work()
+        finally:
+            os._exit(0)
+    return child
+
+
+def write_on(file: StateFile, told: int, number: int) -> None:
+    """Write states with rising numbers and tell of each one that has been written."""
+    while True:
+        number += 1
+        file.write(state(number))
+        os.write(told, f"{number}\n".encode())
+
+
+@pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")
+def test_killed_at_random_instants_nothing_is_lost_or_broken(file: StateFile):
+    draw = random.Random(SEED)
+    written = 0
+    for kill in range(KILLS):
+        hear, told = os.pipe()
+        child = forked(lambda told=told, number=written: write_on(file, told, number))
+        os.close(told)
+        with os.fdopen(hear) as lines:
+            acknowledged = int(lines.readline())  # it is at work
+            time.sleep(draw.uniform(0.0, 0.003))
+            os.kill(child, signal.SIGKILL)
+            os.waitpid(child, 0)
+            acknowledged = max([acknowledged, *(int(line) for line in lines)])
+        found = file.read()
+        assert found.kept is not None, f"kill {kill}: {found.problems}"
+        assert not found.problems, f"kill {kill}: {found.problems}"
+        assert acknowledged <= found.kept.statistics.starts <= acknowledged + 1
+        assert found.kept == state(found.kept.statistics.starts)
+        written = found.kept.statistics.starts
+
+
+@pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")
+@pytest.mark.parametrize("step", range(STEPS))
+def test_gone_after_any_step_of_a_write_it_is_the_old_or_the_new_one(file: StateFile, step: int, monkeypatch):
+    file.write(state(1))
+    file.write(state(2))
+    taken = 0
+
+    def leave(real: Callable) -> Callable:
+        def call(*arguments, **options):
+            nonlocal taken
+            result = real(*arguments, **options)
+            taken += 1
+            if taken > step:
+                os.kill(os.getpid(), signal.SIGKILL)
+            return result
+
+        return call
+
+    def work() -> None:
+        for place, name in ((os, "fsync"), (os, "link"), (Path, "replace"), (Path, "unlink"), (Path, "open")):
+            monkeypatch.setattr(place, name, leave(getattr(place, name)))
+        file.write(state(3))
+
+    _, status = os.waitpid(forked(work), 0)
+    assert os.WIFSIGNALED(status), "the write has fewer steps than this test thinks"
+    found = file.read()
+    assert found.kept in (state(2), state(3))
+    assert not found.problems
+    file.write(state(4))
+    assert file.read().kept == state(4)
+
+
+def test_the_keeper_writes_the_newest_and_says_what_is_wrong(file: StateFile, tmp_path: Path):
+    keeper = Keeper(file)
+    for number in range(1, 50):
+        keeper.keep(state(number))
+    keeper.close()
+    assert file.read().kept == state(49)
+    nowhere = Keeper(StateFile(tmp_path / "no" / "state", "A1", "m"))
+    nowhere.keep(state(1))
+    nowhere.close()
+    assert "No such file" in nowhere.problem

@@ -1,0 +1,155 @@
+"""The fault trials: the table is whole, a selection of it runs, and what they measure can fail."""
+
+import json
+import math
+from dataclasses import replace
+from random import Random
+
+import pytest
+from msgspec import structs
+from typer.testing import CliRunner
+
+from cruise.control.engagement import State
+from tools.faults import clean, scores, trial
+from tools.faults.__main__ import app, plans
+from tools.faults.bed import Bed, Fault
+from tools.faults.manoeuvres import manoeuvre
+from tools.faults.table import FAULTS
+from tools.faults.trial import Outcome, Plan
+
+CALM = Outcome("speed stuck", 1, 8.0, math.inf, "harmless", "", math.nan, math.nan, 0.1, 0.5, False)
+
+
+def test_there_are_thirty_faults_and_each_says_what_could_reveal_it():
+    assert len(FAULTS) >= 30
+    for row in FAULTS.values():
+        assert row.does
+        assert row.redundancy
+        assert isinstance(row.make(Random(1)), Fault)
+
+
+def test_plans_go_round_by_round_and_are_those_of_their_seed():
+    names = list(FAULTS)[:3]
+    found = plans(names, 7, 5)
+    assert [(plan.row.name, plan.seed) for plan in found] == [(name, seed) for seed in (5, 6, 7) for name in names][:7]
+    assert found == plans(names, 7, 5)
+    assert len({plan.from_s for plan in found}) == 7
+
+
+SELECTION = {  # fault, and what has to become of it; the seeds are such that it comes while cruise drives
+    "CCVS lost": "operator lost",
+    "frames cut off": "",
+    "bus-off of the service": "",
+    "drive feedback forged, CRC known": "",
+    "setpoint inserted": "a message has a second sender",
+    "command forged": "another node sends our messages",
+    "speed zero": "",
+    "speed stuck": "a sensor is frozen",
+    "current biased": "the current does not follow its command",
+    "engine speed noisy": "a sensor is too noisy",
+    "gear not available": "lost: gear",
+    "clock steps back": "unhealthy",
+    "disk full": "OSError: [Errno 28] No space left on device",
+    "processor starved": "",
+}
+
+
+@pytest.mark.parametrize("fault", SELECTION)
+def test_a_fault_is_noticed(fault):
+    plan = next(plan for seed in range(99) if _is_heavy(plan := Plan.of(FAULTS[fault], seed)))
+    found = trial.run(plan)
+    assert found.verdict == "detected"
+    assert not found.failed
+    assert SELECTION[fault] in found.how
+
+
+def _is_heavy(plan: Plan) -> bool:
+    """While cruise drives, and for good."""
+    return plan.from_s > manoeuvre(plan.seed).engage_s + 2.0 and math.isinf(plan.to_s)
+
+
+def test_a_parameter_file_that_is_cut_off_is_no_start():
+    found = trial.run(Plan.of(FAULTS["parameter file cut off"], 2))
+    assert found.verdict == "refused"
+    assert found.how.startswith("does not start")
+
+
+class Blind(Fault):
+    """Every speed is half of what it is, and nobody compares anything."""
+
+    def begin(self, bed: Bed) -> None:
+        bed.node.plausibility = None
+        bed.node.engagement.settings = structs.replace(bed.node.engagement.settings, overspeed_mps=50.0)
+
+    def said(self, message: str, values: dict[str, float], now_s: float) -> dict[str, float]:
+        return {name: value * (0.5 if name.endswith("speed_mps") else 1.0) for name, value in values.items()}
+
+
+def test_without_redundancy_the_trial_says_silent_failure():
+    row = replace(FAULTS["every speed scaled"], make=lambda rng: Blind(), bounded=False)
+    plan = Plan(row, 1, manoeuvre(1).engage_s + 2.0, math.inf)
+    found = trial.run(plan)
+    assert found.verdict == "silent"
+    assert found.overspeed_mps > trial.OVERSPEED_MPS
+    assert found.failed
+
+
+def test_a_service_that_commands_after_its_exit_fails():
+    plan = Plan.of(FAULTS["CCVS lost"], 3)
+    bed = trial.driven(plan)
+    assert not trial.judge(plan, bed).active_after
+    bed.commands.append((bed.left_s + 0.1, True, 500.0))
+    assert trial.judge(plan, bed).failed
+
+
+@pytest.mark.parametrize(
+    ("fault", "silence_s", "in_time"),
+    [
+        ("EEC1 lost", 0.30, True),
+        ("EEC1 lost", 0.31, False),
+        ("operator lost", 0.31, False),
+        ("speed stuck", math.nan, True),
+    ],
+)
+def test_a_time_out_has_300_ms_or_three_periods(fault, silence_s, in_time):
+    assert replace(CALM, fault=fault, silence_s=silence_s).in_time is in_time
+
+
+def test_the_figures_count_what_there_is():
+    late = replace(CALM, fault="speed zero", verdict="detected", how="a", after_s=0.4, overspeed_mps=0.5)
+    silent = replace(CALM, verdict="silent", accel_mps2=2.0)
+    found = {figure.key: figure for figure in scores.figures([CALM, late, silent])}
+    assert (found["faults"].value, found["trials"].value) == (2, 3)
+    assert (found["silent"].value, found["silent"].verdict) == (1, "missed")
+    assert (found["detected_late"].value, found["until_detected_overspeed_mps"].value) == (1, 0.5)
+    assert found["harmless_by_measure_overspeed_mps"].value == 0.1
+
+
+def test_a_drive_without_fault_ends_with_its_time():
+    found = clean.drive(4, 25.0)
+    assert (found.how, found.hours) == ("", pytest.approx(25.0 / 3600.0))
+    assert found.overspeed_mps < trial.OVERSPEED_MPS
+
+
+def test_a_manoeuvre_moves_what_there_is_to_move_and_is_that_of_its_seed():
+    assert manoeuvre(3) == manoeuvre(3) != manoeuvre(4)
+    gears = {manoeuvre(seed).field[0].gear for seed in range(40)}
+    assert gears == {1, 2, 3, 4}
+    bed = Bed(manoeuvre(3)).run(8.0)
+    assert bed.rows[-1].state.controls
+    assert {row.state for row in bed.rows} >= {State.OFF, State.STANDBY, State.ENGAGING}
+
+
+def test_the_command_line_prints_json_and_fails_where_a_trial_does(monkeypatch: pytest.MonkeyPatch):
+    def run(arguments: list[str]) -> tuple[int, dict]:
+        result = CliRunner().invoke(app, arguments)
+        return result.exit_code, json.loads(result.stdout)
+
+    code, printed = run(["--count", "2", "--faults", "CCVS lost", "--seed", "3", "--json"])
+    assert code == 0
+    assert [one["fault"] for one in printed["trials"]] == ["CCVS lost"] * 2
+    assert printed["seeds"] == [3]
+    monkeypatch.setattr("tools.faults.__main__.run", lambda plan: replace(CALM, verdict="silent"))
+    code, printed = run(["--count", "1", "--faults", "speed stuck", "--json"])
+    assert code == 1
+    assert printed["figures"]["silent"]["value"] == 1

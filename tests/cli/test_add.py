@@ -138,7 +138,7 @@ def test_json_holds_every_figure(verb, drives, tmp_path):
     assert found["noise_floor"] == {"at_least_mps": 0.005, "at_most_mps": 0.006}
     curve = found["parameters"]["quadratic_gain.curvature"]
     assert curve["before"] is None
-    assert curve["after"] == pytest.approx(0.714, rel=0.1)
+    assert abs(curve["after"] - 0.714) < 3.0 * curve["std"]  # how soon it flattens is found along with it
     assert found["parameters"]["grade.load"]["before"] > 0.0
     assert list(tmp_path.iterdir()) == []
 

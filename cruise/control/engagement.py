@@ -148,6 +148,7 @@ class Engagement:
         self._commanded = False  # a setpoint was heard while the controller drives: from then on it must not be missing
         self._lever_pct = math.nan  # where the lever stood at the take-over, or when it was moved last
         self._gear = math.nan  # at the take-over
+        self._allowed_mps = -math.inf  # setpoint and reference as slowly as the machine may follow them down
         self._acted_s = -math.inf  # when a pedal or the lever was last seen in use while overridden
 
     def step(self, now: Situation) -> State:
@@ -155,6 +156,7 @@ class Engagement:
         last, self._last = self._last, now
         if self.state is State.OVERRIDDEN:
             self._watch_operator(now)
+        self._allow(now, last)
         holds = self._conditions(now, last)
         for row in TRANSITIONS:
             if row.source is self.state and holds[row.condition]:
@@ -187,7 +189,7 @@ class Engagement:
             "setpoint_lost": self._commanded and math.isnan(now.requested_mps),
             "setpoint_invalid": not settings.speed_min_mps <= target_mps <= settings.speed_max_mps,
             "implausible": bool(now.contradiction),
-            "overspeed": now.speed_mps - max(target_mps, now.reference_mps) > settings.overspeed_mps,
+            "overspeed": now.speed_mps - self._allowed_mps > settings.overspeed_mps,
             "reached": abs(now.speed_mps - target_mps) <= settings.reached_mps,
             "drive_signals_lost": not now.drive_signals_valid,
             "gear_changed": experiment is not None and now.gear != experiment.conditions.gear,
@@ -207,6 +209,14 @@ class Engagement:
         experiment = self.experiments.get(now.requested_experiment)
         self.refused = against_commissioning(now, last, self.commissioning, experiment)
         return not self.refused
+
+    def _allow(self, now: Situation, last: Situation | None) -> None:
+        """A wish for less is no overspeed before the machine can have followed."""
+        wished_mps = max(self.setpoint_mps, now.reference_mps)
+        slower_mps = -math.inf
+        if self.state.controls and last is not None:
+            slower_mps = self._allowed_mps - self.settings.slowing_mps2 * (now.time_s - last.time_s)
+        self._allowed_mps = max(wished_mps, slower_mps)
 
     def _lever_moved(self, now: Situation) -> bool:
         return abs(now.lever_pct - self._lever_pct) > self.settings.lever_moved_pct

@@ -18,7 +18,8 @@ class EngagementSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unkno
     lever_moved_pct: Positive = 5.0  # %, change of the lever that means the operator wants it
     override_s: Positive = 1.0  # s that pedals and lever have to be left alone before an override is over
     reached_mps: Positive = 0.1  # m/s, speed to setpoint at which the take-over is done: 5 % of a usual speed
-    overspeed_mps: Positive = 0.3  # m/s above setpoint and reference: something else drives
+    overspeed_mps: Positive = 0.4  # m/s above what was wished, while the machine can follow: something else drives
+    slowing_mps2: Positive = 0.2  # m/s2, a deceleration that every machine can follow, dead time and hill included
     shifts_under_way: bool = False  # a gearbox that changes gear under load; with others a changed gear is an exit
 
 

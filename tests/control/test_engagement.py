@@ -79,7 +79,7 @@ EXITS = {
     "setpoint_lost": ({"requested_mps": math.nan}, State.STANDBY, ExitReason.COMMAND_TIMEOUT),
     "setpoint_invalid": ({}, State.STANDBY, ExitReason.COMMAND_INVALID),
     "implausible": ({"contradiction": "two speeds"}, State.FAULT, ExitReason.FUNCTION_FAULT),
-    "overspeed": ({"speed_mps": 1.71}, State.FAULT, ExitReason.FUNCTION_FAULT),
+    "overspeed": ({"speed_mps": 1.81}, State.FAULT, ExitReason.FUNCTION_FAULT),
 }
 
 
@@ -403,3 +403,16 @@ def test_after_an_experiment_the_cruise_control_engages_as_ever():
     for situation in (replace(DRIVEN, requested_experiment=0), READY, replace(READY, resume=True)):
         engagement.step(situation)
     assert (engagement.state, engagement.setpoint_mps) == (State.ENGAGING, 1.4)
+
+
+def test_a_wish_for_less_is_no_overspeed_before_the_machine_can_have_followed():
+    engagement = engaged()
+    fast = replace(READY, speed_mps=1.4, reference_mps=1.4, requested_mps=1.4)
+    for k in range(1, 40):
+        engagement.step(replace(fast, time_s=0.05 * k))
+    less = replace(fast, requested_mps=0.9, reference_mps=0.9)
+    assert engagement.step(replace(less, time_s=2.0)).controls
+    assert engagement.step(replace(less, time_s=2.45)).controls
+    for k in range(50, 101):
+        last = engagement.step(replace(less, time_s=0.05 * k))
+    assert last is State.FAULT, "a machine that never follows is driven by something else"

@@ -80,14 +80,21 @@ class ActiveBraking(Effect):
         """The whole recording, the copy in one narrow loop: the shape is looked for in recordings of 10^5 samples."""
         values = np.array(np.broadcast_to(values, len(past_speeds)), float)
         arrived, copy = math.nan, math.nan
-        shares = 1.0 - math.exp(-dt_s / self.lag_s), -dt_s / self.time_constant_s
+        lag, along = 1.0 - math.exp(-dt_s / self.lag_s), -dt_s / self.time_constant_s
+        plain, full = 1.0 - math.exp(along), 1.0 - math.exp(along * self.braking_pace)
         states = []
         for magnitude_ma in np.abs(values).tolist():
-            arrived = arrived + shares[0] * (magnitude_ma - arrived) if arrived == arrived else magnitude_ma
+            arrived = arrived + lag * (magnitude_ma - arrived) if arrived == arrived else magnitude_ma
             copy = copy if copy == copy else arrived
-            falling = min(max((copy - arrived) / BAND_MA, 0.0), 1.0) if copy == copy else math.nan
-            braking = falling * falling * (3.0 - 2.0 * falling)
-            copy += (1.0 - math.exp(shares[1] * (1.0 + braking * (self.braking_pace - 1.0)))) * (arrived - copy)
+            falling = (copy - arrived) / BAND_MA
+            if falling <= 0.0:
+                braking, share = 0.0, plain
+            elif falling >= 1.0:
+                braking, share = 1.0, full
+            else:
+                braking = falling * falling * (3.0 - 2.0 * falling)
+                share = 1.0 - math.exp(along * (1.0 + braking * (self.braking_pace - 1.0)))
+            copy += share * (arrived - copy)
             states.append((arrived, copy, braking))
         return values, tuple(np.array(states).reshape(-1, 3).T)
 

@@ -1,11 +1,13 @@
 """Rolling resistance: the ground gives way under the wheels, in proportion to the weight on them.
 
-    phi_k = -g_n (m / m_0) x_k,   x_k = clip(h x_(k-1) + v / v_c, -1, 1)
+    phi_k = -g_n (m / m_0 - s) (1 + b |v|) x_k,   x_k = clip(h x_(k-1) + v / v_c, -1, 1)
 
-m mass in kg, m_0 = 15000 kg, g_n = 9.81 m/s2, v speed one sample ago in m/s, v_c speed in m/s at which all of it is
-there within a sample, x share of the resistance that acts: at rest whatever balances the drive, by the memory
-h = exp(-T / 0.9 s) of the samples before. Source: equation 8 of Coen et al. 2005, F_F = beta m g; ASAE D497 gives
-beta = 0.02 on concrete to 0.12 on soft soil; P. Dahl, AIAA Journal 14 (1976) 1675-1682 (what is held before it rolls).
+m mass in kg, m_0 = 15000 kg, g_n = 9.81 m/s2, v speed one sample ago in m/s, b rise in s/m with the speed, s share of
+the resistance at m_0 that the rest of the model holds already, v_c speed in m/s at which all of it is there within a
+sample, x share of the resistance that acts: at rest whatever balances the drive, by the memory h = exp(-T / 0.9 s) of
+the samples before. Source: equation 8 of Coen et al. 2005, F_F = beta m g;
+ASAE D497 gives beta = 0.02 on concrete to 0.12 on soft soil; SAE J2452 (a tyre's loss rises as a + b v + c v^2);
+P. Dahl, AIAA Journal 14 (1976) 1675-1682 (what is held before it rolls).
 """
 
 from collections.abc import Mapping
@@ -32,7 +34,7 @@ from cruise.signals import Signals
 
 @dataclass(frozen=True, slots=True)
 class RollingResistance(Effect):
-    """phi = -9.81 (m / 15000 kg) x, in m/s2, x the share that acts, against the direction of travel."""
+    """phi = -9.81 (m / 15000 kg - s) (1 + b |v|) x, in m/s2, x the share that acts, against the direction of travel."""
 
     name = "rolling_resistance"
     stage = Stage.LOAD
@@ -40,12 +42,14 @@ class RollingResistance(Effect):
     reads_speed = True
     parameters: ClassVar = {
         "crossover_mps": Parameter("m/s", 0.01, 0.5, 0.5, "speed at which the resistance is there within a sample"),
+        "rise_per_mps": Parameter("s/m", 0.0, 1.0, 0.0, "share by which it rises with each m/s of the speed"),
+        "held_share": Parameter("1", 0.0, 1.0, 0.0, "share of it at 15000 kg that the rest of the model holds already"),
     }
     about: ClassVar = About(
         physics="Tyre and soil are deformed in front of the axle and give back less behind it. The loss is a force "
-        "against the direction of travel, proportional to the weight and nearly independent of the speed; soft soil "
-        "takes up to six times what concrete takes. The machine slows down as its bin fills.",
-        equation="phi = -9.81 m/s2 (m / 15000 kg) x,  x_k = clip(h x_(k-1) + v / v_c, -1, 1)",
+        "against the direction of travel, proportional to the weight and rising little with the speed; soft soil takes "
+        "up to six times what concrete takes. The machine slows down as its bin fills.",
+        equation="phi = -9.81 m/s2 (m / 15000 kg - s) (1 + b |v|) x,  x_k = clip(h x_(k-1) + v / v_c, -1, 1)",
         source="Coen et al. 2005, equation 8; coefficients in ASAE D497; Dahl, AIAA Journal 14 (1976)",
         signature="the residual is negative forward and positive in reverse, and grows in magnitude with the mass",
         look_alikes=("coulomb_friction", "sensor_bias", "grade", "crop_load", "oil_temperature"),
@@ -55,6 +59,8 @@ class RollingResistance(Effect):
     )
 
     crossover_mps: float = 0.2
+    rise_per_mps: float = 0.0
+    held_share: float = 0.0
 
     def start(self, like: Value) -> State:
         """Share that acts: none so far."""
@@ -62,13 +68,16 @@ class RollingResistance(Effect):
 
     def step(self, value: Value, past_speed: Value, signals: Signals, state: State, dt_s: float) -> tuple[Value, State]:
         """The resistance against the past speed, for the present mass."""
-        weight_mps2 = GRAVITY_MPS2 / EMPTY_KG * signals["machine_mass_kg"]
         share = dry(past_speed, self.crossover_mps, state, dt_s)
-        return -weight_mps2 * share, where(share == share, share, 0.0)
+        return -self._weight_mps2(past_speed, signals) * share, where(share == share, share, 0.0)
 
     def over(
         self, values: Value, past_speeds: np.ndarray, signals: Mapping[str, np.ndarray], dt_s: float
     ) -> tuple[Value, State]:
         """The whole recording at once, but for the share that acts."""
         shares, held = dry_over(past_speeds, self.crossover_mps, dt_s)
-        return -GRAVITY_MPS2 / EMPTY_KG * signals["machine_mass_kg"] * shares, held
+        return -self._weight_mps2(past_speeds, signals) * shares, held
+
+    def _weight_mps2(self, past_speed: Value, signals: Signals) -> Value:
+        rise = 1.0 + self.rise_per_mps * abs(past_speed)
+        return GRAVITY_MPS2 * (signals["machine_mass_kg"] / EMPTY_KG - self.held_share) * rise

@@ -36,6 +36,13 @@ def sentence(found: Diagnosis) -> str:
         case Verdict.UNLISTED:
             best = evidence.best_named(found)
             rival = f"; the best effect, `{best.name}`, leaves {_error(best.judged)}" if best else ""
+            if found.untold:
+                noise = figure(math.sqrt(found.steps[0].background.noise))
+                return (
+                    f"Something is missing that nobody recorded: the error {horizon}, {before} m/s, is far above the "
+                    f"noise of {noise} m/s, no known effect explains it for sure, and nothing that is recorded "
+                    f"foretells it{rival} {sure}."
+                )
             if not found.explained:
                 return (
                     f"Something is missing that is none of the effects that cruise knows: the recordings foretell "

@@ -1,5 +1,6 @@
 """How sure a verdict is: the least margin by which anything in the search might have gone the other way."""
 
+import math
 from collections.abc import Mapping
 from typing import Final
 
@@ -7,10 +8,11 @@ from cruise.validation.candidates import UNNAMED
 from cruise.validation.foretold import CHANCE, Foretold
 from cruise.validation.search import Judged
 from cruise.validation.selection import FURTHER, LEAST_FURTHER, Selected, curved_over
-from cruise.validation.trying import BEYOND_DOUBT, ENOUGH, LEAST_GAIN
+from cruise.validation.trying import BEYOND_DOUBT, ENOUGH, LEAST_GAIN, Step
 
 LEAST_FORETOLD: Final = 0.15  # of the first loss, that the catch-all must foretell for something to be missing,
 LEAST_BESIDE: Final = 0.25  # and of what the named effects explain, for them to be no more than substitutes
+LEAST_UNTOLD: Final = 4.5  # RMS of the error over the noise, from which no soil explains it where nothing foretells it
 CURVES: Final[Mapping[str, tuple[float, float]]] = {
     "nothing": (2.0, 0.72),
     "missing": (0.0067, 0.24),
@@ -26,6 +28,11 @@ def excess(hidden: Foretold, base: Judged, final: Judged) -> float:
     """What the catch-all foretells, over what it has to for something unlisted to be missing."""
     least = max(LEAST_FORETOLD * base.loss, LEAST_BESIDE * (base.loss - final.loss))
     return min(hidden.share / CHANCE, hidden.loss / least)
+
+
+def untold(first: Step) -> float:
+    """RMS of an error that nothing explains or foretells, over what it may be where nothing is missing."""
+    return math.sqrt(first.before.loss / first.background.noise) / LEAST_UNTOLD
 
 
 def answer_of(verdict: str, effects: int) -> str:

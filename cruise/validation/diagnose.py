@@ -3,7 +3,8 @@
 Every candidate is fitted jointly with the core and judged on held-out blocks, at least 3 s ahead. What counts is how
 far the error falls, against every other candidate, the curves without physics among them. Consequences of the drive
 (engine load, line pressure) must explain more than a cause does to be believed. In the end a catch-all tells "nothing"
-from "unlisted": much of an error that the recorded signals foretell, and all known effects don't, has a cause.
+from "unlisted": much of an error that the recorded signals foretell, and all known effects don't, has a cause; so has
+an error far above the noise that nothing foretells.
 """
 
 import math
@@ -16,7 +17,7 @@ import numpy as np
 
 from cruise.effects import EFFECTS
 from cruise.validation.candidates import MEDIATORS, UNNAMED, Refused
-from cruise.validation.confidence import answer_of, confidence_of, excess, margin_of_the_end
+from cruise.validation.confidence import answer_of, confidence_of, excess, margin_of_the_end, untold
 from cruise.validation.exchange import exchanged
 from cruise.validation.foretold import Foretold, foretold
 from cruise.validation.search import Judged
@@ -25,6 +26,9 @@ from cruise.validation.study import Study
 from cruise.validation.trying import ALIKE, ENOUGH, Show, Step
 
 SEED: Final = 20051  # of the bootstrap
+RECORD_MORE: Final = (
+    "record what else could move the machine, such as slope, load, wind or soil, and drive the same again"
+)
 FARTHEST: Final = -50.0  # exponent of the share of doubt that falls on a candidate
 
 
@@ -76,6 +80,11 @@ class Diagnosis:
         """Whether it is a force that nobody recorded, which shows in a signal through which every force acts."""
         return bool(self.steps[0].unrecorded) and self.verdict is Verdict.UNLISTED
 
+    @property
+    def untold(self) -> bool:
+        """Whether nothing recorded shows what is missing: the error is far above the noise, nothing foretells it."""
+        return self.verdict is Verdict.UNLISTED and not self.signals
+
 
 def diagnose(study: Study, show: Show = lambda text: None) -> Diagnosis:
     """Search, decide, and rank."""
@@ -86,14 +95,15 @@ def diagnose(study: Study, show: Show = lambda text: None) -> Diagnosis:
     show("what the recorded signals still foretell")
     hidden = _hidden(study, found)
     over = excess(hidden, base, final)
-    unlisted = found.curved or found.unrecorded or over > 1.0
+    alone = 0.0 if found.chosen or found.unrecorded or over > 1.0 else untold(found.steps[0])
+    unlisted = found.curved or found.unrecorded or max(over, alone) > 1.0
     places = () if unlisted else tuple(exchanged(study, name, found, rng, show) for name in named)
     alike = tuple((one.name, *one.alike) for one in places if one.alike)
-    if over > 1.0:
-        margin = ENOUGH * (over - 1.0)
+    if max(over, alone) > 1.0:
+        margin = ENOUGH * (max(over, alone) - 1.0)
     else:
         margin = min([*(one.margin for one in places), margin_of_the_end(found)])
-        margin = margin if found.curved else min(margin, ENOUGH * (1.0 - over))
+        margin = margin if found.curved else min(margin, ENOUGH * (1.0 - max(over, alone)))
     verdict, effects, signals, words = Verdict.MISSING, named, (), ""
     if unlisted:
         verdict, effects = Verdict.UNLISTED, ()
@@ -104,8 +114,8 @@ def diagnose(study: Study, show: Show = lambda text: None) -> Diagnosis:
             signals = (found.chosen[0].removeprefix(UNNAMED),)
             words = _vary(signals)
         else:
-            signals, final = hidden.signals, base
-            words = _vary(signals)
+            signals, final = () if alone > 1.0 else hidden.signals, base
+            words = _vary(signals) if signals else RECORD_MORE
     elif not named:
         verdict = Verdict.NOTHING
     elif len(named) == 1 and alike:

@@ -35,6 +35,8 @@ class Raw:
         self.current_ma = fine.input
         edges = np.concatenate([[coarse.time_s[0] - coarse.dt_s], coarse.time_s]) + 0.01 * fine.dt_s
         self.edges = np.searchsorted(fine.time_s, edges)
+        counts = np.diff(self.edges)
+        self.each = int(counts[0]) if len(counts) and (counts == counts[0]).all() else 0  # samples in every period
         self.same = len(fine) == len(coarse)
 
     def without_holes(self, drive_ma: np.ndarray, core: Core) -> np.ndarray:
@@ -54,6 +56,8 @@ class Raw:
         """Means (N,) of `values` over each period; NaN where one of them is."""
         if self.same:
             return values
+        if self.each:
+            return values[self.edges[0] : self.edges[-1]].reshape(-1, self.each).mean(axis=1)
         total = np.concatenate([[0.0], np.cumsum(np.nan_to_num(values))])
         holes = np.concatenate([[0], np.cumsum(np.isnan(values))])
         count = np.diff(self.edges)

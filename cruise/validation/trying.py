@@ -150,9 +150,11 @@ def _through(study: Study, present: Judged, mediator: Judged, direct: Judged) ->
         part_mps = error_mps - mediator.fit.error_mps
         return share_told(study.search.scene, present.fit, part_mps, study.search.blocks)
 
-    if mediator.loss < MORE * direct.loss and told(direct.fit.error_mps) >= TOLD_BESIDE:
+    in_its_place = present.loss - direct.loss > DIRECT * taken
+    alone = in_its_place and direct.candidate.startswith(UNNAMED)  # one recorded signal, and no known effect of it
+    if not alone and mediator.loss < MORE * direct.loss and told(direct.fit.error_mps) >= TOLD_BESIDE:
         return Through.ITSELF
-    if present.loss - direct.loss > DIRECT * taken:
+    if in_its_place:
         return Through.RECORDED
     return Through.ITSELF if told(present.fit.error_mps) >= TOLD else Through.UNRECORDED
 

@@ -188,7 +188,8 @@ def test_a_gain_that_is_not_sure_is_not_named(grade, monkeypatch):
     for name in ("SURE", "BEYOND_DOUBT"):
         monkeypatch.setattr(f"cruise.validation.trying.{name}", 2.0 * max(one.sureness for one in grade.steps[0].tried))
     one = diagnose(grade.study)
-    assert one.verdict is Verdict.NOTHING
+    assert one.untold  # a great error all the same
+    assert one.effects == ()
     assert one.steps[0].tried[0].gain == grade.steps[0].tried[0].gain > LEAST_GAIN
 
 
@@ -249,3 +250,29 @@ def test_what_the_pressure_costs_whoever_moves_it_is_leakage():
     one = pressed(pressure_bar, -0.004 * (pressure_bar - 120.0))
     assert not one.unrecorded
     assert (one.verdict, one.effects) == (Verdict.MISSING, ("leakage",))
+
+
+def test_one_recorded_signal_that_foretells_the_pressures_force_is_what_nobody_lists():
+    pull_mps = 0.3 * np.cos((HEADER - 300.0) / 60.0)
+    one = pressed(120.0 - 300.0 * (pull_mps + 0.1 * wander(SAMPLES, DT_S, 13, 0.2, 4.0)), pull_mps)
+    assert (one.verdict, one.signals) == (Verdict.UNLISTED, ("header_height_mm",))
+    assert not one.unrecorded
+
+
+# -- nothing recorded shows it
+
+
+def test_an_error_far_above_the_noise_that_nothing_foretells_has_a_cause_that_nobody_recorded():
+    one = found(load_mps=wander(SAMPLES, DT_S, 13, 0.3, 4.0))
+    assert (one.verdict, one.effects, one.signals) == (Verdict.UNLISTED, (), ())
+    assert one.untold
+    assert not one.unrecorded
+    assert not one.explained
+    assert "record what else" in one.next_experiment
+    assert "Something is missing that nobody recorded" in sentence(one)
+
+
+def test_soil_that_nobody_recorded_is_no_effect():
+    one = found(load_mps=wander(SAMPLES, DT_S, 13, 0.03, 4.0))
+    assert one.verdict is Verdict.NOTHING
+    assert not one.untold

@@ -8,14 +8,17 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum, auto
+from functools import partial
 from typing import Final
 
 import numpy as np
 
 from cruise.validation.background import Background
 from cruise.validation.candidates import MEDIATORS, UNNAMED, Candidate, without
+from cruise.validation.fitting import Fit
 from cruise.validation.foretold import MOVED, share_told
-from cruise.validation.search import Judged, gain, sureness
+from cruise.validation.search import Judged, Search, gain, sureness
+from cruise.validation.side_by_side import side_by_side
 from cruise.validation.slip import slip_mps
 from cruise.validation.study import Study
 
@@ -87,24 +90,12 @@ def tried_beside(
 
     `elsewhere` are further direct causes: dependences without physics that were tried before.
     """
-    search, fits = study.search, []
-    for candidate in everyone:
-        show(f"trying {_in_words(candidate.name)}" + (f" beside {', '.join(chosen)}" if chosen else ""))
-        fits.append(search.begun(present.explanation, candidate))
-    for i in np.argsort([one.cost for one in fits])[:FINISHED].tolist():
-        show(f"finishing {_in_words(everyone[i].name)}")
-        fits[i] = search.finished(fits[i])
-    effects = [i for i, one in enumerate(everyone) if not one.name.startswith(UNNAMED)]
-    for i in sorted(effects, key=lambda i: fits[i].cost)[:RESTARTED]:
-        others = [search.grown_anew(present.explanation, everyone[i])]
-        if fits[i].cost < (1.0 - LEAST_GAIN) * present.fit.cost:
-            others.append(search.grown_from_all(present.explanation, everyone[i]))
-        fits[i] = min(fits[i], *others, key=lambda one: one.cost)
+    search, fits = study.search, _fitted(study.search, present, everyone, chosen, show)
     before = present.fit
     if fits:  # the best fit's core may be a better start for what is there, too
-        best = min(range(len(fits)), key=lambda i: fits[i].cost)
-        again = search.fitted(without(fits[best].explanation, everyone[best].name))
-        before = min(before, again, key=lambda one: one.cost)
+        first = min(range(len(fits)), key=lambda i: fits[i].cost)
+        refitted = search.fitted(without(fits[first].explanation, everyone[first].name))
+        before = min(before, refitted, key=lambda one: one.cost)
     if not chosen:
         search.learn_disturbance(before, fits)
     if not chosen or before is not present.fit:
@@ -138,6 +129,36 @@ def tried_beside(
         sure = sureness(present, one, rng)
         tried.append(Tried(one.candidate, gain(present, one), evidence, credit[one.candidate], sure, one))
     return Step(present, tuple(sorted(tried, key=counted, reverse=True)), background, unrecorded)
+
+
+def _fitted(
+    search: Search, present: Judged, everyone: Sequence[Candidate], chosen: Sequence[str], show: Show
+) -> list[Fit]:
+    """A fit of every candidate: a few steps for all, the best to their end, the very best from elsewhere too."""
+    fits: list[Fit] = []
+    beside = f" beside {', '.join(chosen)}" if chosen else ""
+    for one, begun in zip(everyone, side_by_side(partial(search.begun, present.explanation), everyone), strict=True):
+        show(f"tried {_in_words(one.name)}{beside}")
+        fits.append(begun)
+    best = np.argsort([one.cost for one in fits])[:FINISHED].tolist()
+    for i, finished in zip(best, side_by_side(search.finished, [fits[i] for i in best]), strict=True):
+        show(f"finished {_in_words(everyone[i].name)}")
+        fits[i] = finished
+    effects = [i for i, one in enumerate(everyone) if not one.name.startswith(UNNAMED)]
+    best = sorted(effects, key=lambda i: fits[i].cost)[:RESTARTED]
+    again = partial(_from_elsewhere, search, present)
+    for i, one in zip(best, side_by_side(again, [(everyone[i], fits[i]) for i in best]), strict=True):
+        fits[i] = min(fits[i], one, key=lambda one: one.cost)
+    return fits
+
+
+def _from_elsewhere(search: Search, present: Judged, begun: tuple[Candidate, Fit]) -> Fit:
+    """The best fit of a candidate from another core; from all starts, too, where it brings anything so far."""
+    candidate, fit = begun
+    others = [search.grown_anew(present.explanation, candidate)]
+    if fit.cost < (1.0 - LEAST_GAIN) * present.fit.cost:
+        others.append(search.grown_from_all(present.explanation, candidate))
+    return min(others, key=lambda one: one.cost)
 
 
 def _through(study: Study, present: Judged, mediator: Judged, direct: Judged) -> Through:

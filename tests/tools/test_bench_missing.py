@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 
 import numpy as np
 import pytest
@@ -133,7 +134,7 @@ def test_a_diagnosis_has_its_own_memory(monkeypatch):
     found = diagnosis_time.diagnosed([missing.drive("dead_zone")])
     assert found.verdict in ("missing", "nothing", "unlisted", "ambiguous")
     assert 50.0 < found.peak_mb < 0.5e-6 * weight.nbytes
-    assert 0.0 < found.cpu_s < 1.2 * found.wall_s
+    assert 0.0 < found.cpu_s < 1.2 * len(os.sched_getaffinity(0)) * found.wall_s
 
 
 def test_times_are_held_against_their_targets(short):
@@ -141,10 +142,10 @@ def test_times_are_held_against_their_targets(short):
     ordinary = [Diagnosed("nothing", (), one.final, cpu_s, cpu_s, 500.0) for cpu_s in (4.0, 8.0, 21.0)]
     long = Diagnosed("nothing", (), one.final, 50.0, 60.0, 1200.0)
     found = {figure.key: figure for figure in diagnosis_time.figures(ordinary, long, ordinary[0])}
-    assert found["cpu_median_s"].value == 8.0
+    assert found["wall_median_s"].value == found["cpu_median_s"].value == 8.0
     assert found["long_ratio"].value == 12.5
     missed = {key for key, figure in found.items() if figure.missed}
-    assert missed == {"cpu_worst_s", "long_ratio", "long_peak_mb"}
+    assert missed == {"wall_worst_s", "long_ratio", "long_peak_mb"}
 
 
 def test_signals_that_give_the_speed_away_are_no_causes():

@@ -144,7 +144,7 @@ def test_verdicts_as_clear_as_these_are_sure(which, request):
 def test_it_says_the_same_twice_and_what_it_is_doing(unlisted):
     heard: list[str] = []
     again = diagnose(begun(load_mps=0.3 * np.cos((HEADER - 300.0) / 60.0)), heard.append)
-    assert {"trying dead_zone", "trying any dependence on header_height_mm"} <= set(heard)
+    assert {"tried dead_zone", "tried any dependence on header_height_mm"} <= set(heard)
     assert again.ranking == unlisted.ranking
     assert (again.verdict, again.signals, again.margin) == (unlisted.verdict, unlisted.signals, unlisted.margin)
     for one, other in zip(again.steps[0].tried, unlisted.steps[0].tried, strict=True):

@@ -5,13 +5,13 @@ found about sizes goes to a file of its own, which other runs use too.
 """
 
 import multiprocessing
+import os
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from time import process_time
 from typing import Any, Final
 
 import msgspec
@@ -52,9 +52,14 @@ class Sealed:
     found: tuple[Found, ...]
 
 
+def processor_s() -> float:
+    """CPU time of this process and of its children that have ended."""
+    return sum(os.times()[:4])
+
+
 def hold(task: Task, known: Sequence[Found]) -> Held:
     """Hold one trial."""
-    begin_s = process_time()
+    begin_s = processor_s()
     answer = sealed(task, known)
     if answer.trial is None:
         return Held(Line(task=task, misses=answer.misses, failed="no drive excites it so much"), answer.found)
@@ -63,10 +68,10 @@ def hold(task: Task, known: Sequence[Found]) -> Held:
         true = begun(simulate(answer.trial.without())).base
     else:
         true = with_truth(begun(columns), task.effects)
-    made_s = process_time()
+    made_s = processor_s()
     with table_without(task.effects if task.kind == "unlisted" else ()):
         verdict = diagnose(begun(columns))
-    diagnosed_s = process_time()
+    diagnosed_s = processor_s()
     line = Line(
         task=task,
         trial=answer.trial,

@@ -75,7 +75,7 @@ def _progress(page: Page) -> None:
 def _tried(session: Session) -> list[str]:
     job = session.job
     told = job.told if job else []
-    return list(dict.fromkeys(text.removeprefix("trying ") for text in told if text.startswith("trying ")))
+    return list(dict.fromkeys(text.removeprefix("tried ") for text in told if text.startswith("tried ")))
 
 
 def _verdict(page: Page, found: Diagnosed) -> None:

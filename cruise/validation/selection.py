@@ -15,7 +15,7 @@ from cruise.validation.trying import ENOUGH, Show, Step, Tried, close, counted, 
 
 FURTHER: Final = 75.0  # evidence from which a further effect is one, as no form of the first is exact,
 LEAST_FURTHER: Final = 0.25  # likewise, of the present loss,
-LEAST_SHARE: Final = 0.04  # and of the first loss
+LEAST_SHARE: Final = 0.04  # and of the loss before the effect that was found last, whose form may be as wrong
 LEAST_CURVED: Final = 0.45  # of the loss, that a free curve must explain to have the word
 CURVED: Final = (60.0, 0.05)  # evidence, and share of it, by which a free curve must exceed all effects
 SAME_SIGNAL: Final = 0.85  # of what a curve takes away: an effect of the same signal that takes as much is the curve
@@ -67,12 +67,7 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
         if not worthy:
             break
         best = min((one for one in worthy if close(worthy[0], one)), key=lambda one: one.judged.loss)
-        small = (
-            best.counted < FURTHER
-            or best.gain < LEAST_FURTHER
-            or present.loss - best.judged.loss < LEAST_SHARE * steps[0].before.loss
-        )
-        if chosen and small:
+        if chosen and _little(best, present, steps[-2].before):
             break
         chosen.append(best.name)
         present = best.judged
@@ -89,6 +84,12 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
     if curve is not None:
         return Selected(tuple(steps), (curve.name,), curve.judged, tuple(refused))
     return Selected(tuple(steps), tuple(chosen), present, tuple(refused))
+
+
+def _little(further: Tried, present: Judged, before: Judged) -> bool:
+    """Whether a further effect may be no more than a wrong form of the last one; `before` is without that one."""
+    brings = present.loss - further.judged.loss
+    return further.counted < FURTHER or further.gain < LEAST_FURTHER or brings < LEAST_SHARE * before.loss
 
 
 def _curve(first: Step, chosen: float) -> Tried | None:

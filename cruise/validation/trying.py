@@ -13,10 +13,11 @@ from typing import Final
 
 import numpy as np
 
+from cruise.effects import EFFECTS
 from cruise.validation.background import Background
 from cruise.validation.candidates import MEDIATORS, UNNAMED, Candidate, without
 from cruise.validation.fitting import Fit
-from cruise.validation.foretold import MOVED, share_told
+from cruise.validation.foretold import share_told
 from cruise.validation.search import Judged, Search, gain, sureness
 from cruise.validation.side_by_side import side_by_side
 from cruise.validation.slip import slip_mps
@@ -30,7 +31,7 @@ BEYOND_DOUBT: Final = 6.0  # standard errors that a background, which has its mo
 MEDIATED: Final = 0.3  # of the present loss: all that an effect may leave through whose signal every force acts
 MORE: Final = 0.8  # of what the best direct cause leaves: with less, and with
 TOLD_BESIDE: Final = 0.7  # of what it takes away beyond that foretold by what is recorded, it is a cause itself
-DIRECT: Final = 0.8  # of what it takes away: with more that a direct cause takes away in its place, it is none
+DIRECT: Final = 0.5  # of what it takes away: with more that a direct cause takes away in its place, it is none
 TOLD: Final = 0.35  # of what it takes away: with less that is foretold, a force that nobody recorded acts there
 PLAIN: Final = 0.5  # of what the best cause leaves: with less, a consequence of the drive is a cause all the same
 ALIKE: Final = 20.0  # evidence below which no form of a model is exact enough to decide,
@@ -46,7 +47,7 @@ class Through(Enum):
     """What stands behind an effect through whose signal every force acts."""
 
     ITSELF = auto()
-    RECORDED = auto()  # another cause, or too little to say: a direct one explains most of what it takes away
+    RECORDED = auto()  # another cause, or too little to say: a direct one explains half of what it takes away
     UNRECORDED = auto()  # a force that nobody recorded: nothing foretells what it takes away
 
 
@@ -112,14 +113,14 @@ def tried_beside(
     credit = {one.name: one.credit for one in everyone}
     others = [one for one in judged if one.candidate not in MEDIATORS]
     causes = [one.loss for one in others if credit[one.candidate] == 1.0]
-    direct = [one for one in others if one.candidate in named or credit[one.candidate] == 1.0]
-    direct += [one for one in elsewhere if one.candidate.removeprefix(UNNAMED) not in MOVED]
+    through = {f"{UNNAMED}{signal}" for name in MEDIATORS for signal in EFFECTS[name].needs}
+    direct = [one for one in (*others, *elsewhere) if one.candidate not in through]
     unrecorded = ""
     for one in judged:
         if one.candidate in MEDIATORS:
-            through = _through(study, present, one, min([present, *direct], key=lambda other: other.loss))
-            credit[one.candidate] = 1.0 if through is Through.ITSELF else 0.0
-            unrecorded = one.candidate if through is Through.UNRECORDED else unrecorded
+            behind = _through(study, present, one, min([present, *direct], key=lambda other: other.loss))
+            credit[one.candidate] = 1.0 if behind is Through.ITSELF else 0.0
+            unrecorded = one.candidate if behind is Through.UNRECORDED else unrecorded
         elif one.candidate in named and one.loss < PLAIN * min([present.loss, *causes]):
             credit[one.candidate] = 1.0
     background.settle({name: credit[name] for name in named})

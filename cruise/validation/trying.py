@@ -30,6 +30,7 @@ SURE: Final = 1.3  # standard errors of a held-out gain; a few blocks may hold a
 BEYOND_DOUBT: Final = 6.0  # standard errors that a background, which has its moments, does not reach
 MEDIATED: Final = 0.3  # of the present loss: all that an effect may leave through whose signal every force acts
 MORE: Final = 0.8  # of what the best direct cause leaves: with less, and with
+BEYOND: Final = 0.04  # of the present loss, that it must take away beyond the best direct cause: forms may be wrong
 TOLD_BESIDE: Final = 0.7  # of what it takes away beyond that foretold by what is recorded, it is a cause itself
 DIRECT: Final = 0.5  # of what it takes away: with more that a direct cause takes away in its place, it is none
 TOLD: Final = 0.35  # of what it takes away: with less that is foretold, a force that nobody recorded acts there
@@ -174,7 +175,8 @@ def _through(study: Study, present: Judged, mediator: Judged, direct: Judged) ->
 
     in_its_place = present.loss - direct.loss > DIRECT * taken
     alone = in_its_place and direct.candidate.startswith(UNNAMED)  # one recorded signal, and no known effect of it
-    if not alone and mediator.loss < MORE * direct.loss and told(direct.fit.error_mps) >= TOLD_BESIDE:
+    beyond = max((1.0 - MORE) * direct.loss, BEYOND * present.loss)
+    if not alone and direct.loss - mediator.loss > beyond and told(direct.fit.error_mps) >= TOLD_BESIDE:
         return Through.ITSELF
     if in_its_place:
         return Through.RECORDED

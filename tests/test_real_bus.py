@@ -10,26 +10,28 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 NOT_HERE = 77  # tools/vcan_machine: no bus can be had on this machine
-LONGEST_S = 900.0  # an emulated processor is slow, and other tests run beside it
+LONGEST_S = 900.0  # each; they drive in real time
 INNER = ("-q", "-p", "no:cacheprovider", "-p", "no:xdist", "--confcutdir=tests/real_bus", "--junitxml")
 
 
-def test_on_a_kernel_with_can(tmp_path: Path, record_property):
-    report = tmp_path / "junit.xml"
-    command = [sys.executable, "-m", "pytest", *INNER, str(report), "tests/real_bus"]
-    ran = subprocess.run(
-        [str(ROOT / "tools/vcan_machine"), "--keep", str(tmp_path), *command],
-        cwd=ROOT,
-        env={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
-        capture_output=True,
-        text=True,
-        timeout=LONGEST_S,
-        check=False,
-    )
-    if ran.returncode == NOT_HERE and os.environ.get("CI") != "true":
-        pytest.skip(f"the tests on a real bus are NOT RUN: {ran.stderr.strip().splitlines()[-1]}")
-    assert ran.returncode == 0, f"{ran.stderr[-2000:]}\n{ran.stdout[-6000:]}"
-    suite = next(ET.parse(report).iter("testsuite"))
-    record_property("inner_tests", suite.attrib["tests"])
-    assert int(suite.attrib["tests"]) > 0
-    assert suite.attrib["skipped"] == "0", ran.stdout[-3000:]
+def test_on_a_kernel_with_can_and_there_under_systemd(tmp_path: Path, record_property):
+    """One after the other: side by side they would make each other late."""
+    for how, folder in ([], "tests/real_bus"), (["--systemd"], "tests/real_bus/under_systemd"):
+        report = tmp_path / f"{len(how)}.xml"
+        command = [sys.executable, "-m", "pytest", *INNER, str(report), folder]
+        ran = subprocess.run(
+            [str(ROOT / "tools/vcan_machine"), "--keep", str(tmp_path), *how, *command],
+            cwd=ROOT,
+            env={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
+            capture_output=True,
+            text=True,
+            timeout=LONGEST_S,
+            check=False,
+        )
+        if ran.returncode == NOT_HERE and os.environ.get("CI") != "true":
+            pytest.skip(f"the tests on a real bus are NOT RUN: {ran.stderr.strip().splitlines()[-1]}")
+        assert ran.returncode == 0, f"{ran.stderr[-2000:]}\n{ran.stdout[-6000:]}"
+        suite = next(ET.parse(report).iter("testsuite"))
+        record_property(folder, suite.attrib["tests"])
+        assert int(suite.attrib["tests"]) > 0
+        assert suite.attrib["skipped"] == "0", ran.stdout[-3000:]

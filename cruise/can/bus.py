@@ -6,6 +6,9 @@ has to say about a bus is sorted into three: no room for a frame now (`Sent.NO_R
 (`BusLostError`), and what the user has to set up first (`SettingsError`). Bus-off and its like come as error frames and
 are kept in `health`. Whoever drives by the bus holds it by a `PatientBus`, which opens it again after it went away.
 
+Every cyclic frame is sent by the loop, none by the kernel's broadcast manager (python-can's `send_periodic`): what the
+manager sends goes on when the loop stands still, and the silence of command and heartbeat is what others go by then.
+
 Sources: Linux kernel documentation, networking/can.rst; python-can 4.6, SocketcanBus and VirtualBus.
 """
 

@@ -13,18 +13,19 @@ config/cruise.eds.
 
 import configparser
 import math
+import struct
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Final
 
 import canopen
 import msgspec
-from canopen.network import PeriodicMessageTask
 from canopen.objectdictionary import ODVariable
 
 from cruise.can.bus import Filter
 from cruise.can.frame import Frame
 from cruise.can.heartbeat import HEARTBEAT_CONSUMER, HEARTBEAT_ID, HeartbeatConsumer
+from cruise.can.node_network import Network, is_due, next_due
 from cruise.can.node_texts import NodeTexts
 from cruise.settings import SettingsError
 from cruise.signals import SIGNALS, Reading
@@ -32,6 +33,8 @@ from cruise.signals import SIGNALS, Reading
 STANDARD_MASK: Final = 0x7FF
 NMT_ID: Final = 0x000
 SDO_REQUEST_ID: Final = 0x600
+SDO_ANSWER_ID: Final = 0x580
+NOTHING_BEGUN: Final = bytes.fromhex("8000000001000405")  # SDO abort 0504 0001h: command specifier not valid
 ERROR_REGISTER: Final = 0x1001
 NMT_COMMANDS: Final = {1, 2, 128, 129, 130}  # start, stop, enter pre-operational, reset node, reset communication
 FAULT_STATE: Final = 3.0  # engagement_state
@@ -45,7 +48,6 @@ STATUS: Final = {  # TPDO object: scale in its unit per bit, lowest and highest 
     "pump_current_ma": (0.05, -32767, 32767, -32768),
     "engagement_state": (1.0, 0, 0xFA, 0xFF),
 }
-ROUNDING_S: Final = 1e-6  # s, what sums of periods may be off; a tick is not left out for it
 COMMANDS: Final = {"setpoint_mps": 0.001, "cruise_enable": 1.0}  # RPDO object: scale in its unit per bit
 
 
@@ -67,50 +69,11 @@ class NodeStatus:
     engagement_state: float  # as in config/cruise.eds: 0 off .. 6 overridden
 
 
-class _Task(PeriodicMessageTask):
-    """A message that the library wants sent periodically; `_Network.tick` does it instead of a thread."""
-
-    def _start(self) -> None:
-        self.next_s = -math.inf
-        self.running = True
-
-    def stop(self) -> None:
-        self.running = False
-
-    def update(self, data: bytes) -> None:
-        self.msg.data = bytearray(data)
-
-
-class _Network(canopen.Network):
-    """The library's network without a bus: what it sends is collected in `outbox`, identifier and data."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.outbox: list[tuple[int, bytes]] = []
-        self.tasks: list[_Task] = []
-
-    def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
-        self.outbox.append((can_id, bytes(data)))
-
-    def send_periodic(self, can_id: int, data: bytes, period: float, remote: bool = False) -> PeriodicMessageTask:
-        task = _Task(can_id, data, period, None, remote)
-        self.tasks.append(task)
-        return task
-
-    def tick(self, now_s: float) -> None:
-        """Send what is due."""
-        self.tasks = [task for task in self.tasks if task.running]
-        for task in self.tasks:
-            if _is_due(task.next_s, now_s):
-                task.next_s = _next(task.next_s, task.period, now_s)
-                self.send_message(task.msg.arbitration_id, bytes(task.msg.data))
-
-
 class CanopenNode:
-    """The node: `receive` every frame of the bus, `tick` at any rate of 10 Hz or more and send what it returns."""
+    """The node: `receive` every frame of the bus, `tick` at any rate of 10 Hz or more; send what they have to say."""
 
     def __init__(self, dictionary: canopen.ObjectDictionary, settings: CanopenSettings) -> None:
-        self._network = _Network()
+        self._network = Network()
         self._node_id = settings.node_id
         self._node = canopen.LocalNode(settings.node_id, dictionary)
         self._network[settings.node_id] = self._node
@@ -175,7 +138,10 @@ class CanopenNode:
         if not self._concerns(frame):
             return ()
         self._received_s = frame.timestamp
-        self._network.notify(frame.arbitration_id, frame.data, frame.timestamp)
+        try:
+            self._network.notify(frame.arbitration_id, frame.data, frame.timestamp)
+        except struct.error:  # canopen's server can't name the object of a transfer that nobody has begun
+            self._network.send_message(SDO_ANSWER_ID + self._node_id, NOTHING_BEGUN)
         if frame.arbitration_id == self._rpdo.cob_id:
             for variable in self._rpdo:
                 self._node.set_data(variable.index, variable.subindex, variable.data)
@@ -189,9 +155,16 @@ class CanopenNode:
             self._node.nmt.state = "PRE-OPERATIONAL"
         self._warn(now_s, status)
         self._network.tick(now_s)
-        if _is_due(self._status_due_s, now_s):
-            self._status_due_s = _next(self._status_due_s, (self._tpdo.event_timer or 100) / 1000.0, now_s)
+        if is_due(self._status_due_s, now_s):
+            self._status_due_s = next_due(self._status_due_s, (self._tpdo.event_timer or 100) / 1000.0, now_s)
             self._publish(status)
+        return self._sent(now_s)
+
+    def answers(self) -> list[Frame]:
+        """Return what has to be answered to the last frame that was received."""
+        return self._sent(self._received_s) if self._network.outbox else []
+
+    def _sent(self, now_s: float) -> list[Frame]:
         outbox, self._network.outbox = self._network.outbox, []
         return [Frame(now_s, can_id, is_extended_id=False, data=data, is_rx=False) for can_id, data in outbox]
 
@@ -247,12 +220,3 @@ def _raw(name: str, value: float) -> int:
     scale, low, high, not_available = STATUS[name]
     raw = value / scale
     return round(raw) if low <= raw <= high else not_available
-
-
-def _is_due(due_s: float, now_s: float) -> bool:
-    return now_s >= due_s - ROUNDING_S
-
-
-def _next(due_s: float, period_s: float, now_s: float) -> float:
-    """Return when a message is due again: in step, or from now on where a whole period was missed."""
-    return due_s + period_s if due_s + period_s > now_s else now_s + period_s

@@ -16,7 +16,7 @@ from cruise.settings import SettingsError
 
 
 class Running:
-    """True until a signal asks to stop, or to read the settings again (SIGHUP, `reload`)."""
+    """True until a signal asks to stop, or a signal or the bus to read the settings again (SIGHUP, `reload`)."""
 
     def __init__(self) -> None:
         self.stopped = self.reload = False
@@ -28,6 +28,10 @@ class Running:
         self.stopped = True
 
     def _reload(self, number: int, frame: object) -> None:
+        self.again()
+
+    def again(self) -> None:
+        """Have the settings read again."""
         self.reload = True
 
     def __call__(self) -> bool:
@@ -41,8 +45,9 @@ def run(
 ) -> None:
     """Run the cruise control on the bus until it is stopped; the last command is neutral. SIGHUP reads the settings."""
     settings, running, notifier = service_settings.load(config), Running(), Notifier.of()
+    changes = None  # by SDO; at first those that are stored
     while True:
-        daemon = Daemon(settings, notifier, lambda line: print(f"cruise: {line}", file=sys.stderr, flush=True))
+        daemon = Daemon(settings, notifier, _say, changes, running.again)
         can = settings.can
         print(f"cruise: on {can.bus} {can.channel}, command every {daemon.node.period_s} s", flush=True)
         daemon.run(running, (lambda now_s: None) if quiet else Lines(daemon.node))
@@ -54,13 +59,17 @@ def run(
         )
         if running.stopped or not running.reload:
             break
-        running.reload = False
+        running.reload, changes = False, daemon.changes
         notifier.reloading()
         try:
             settings = service_settings.load(config)
         except SettingsError as error:
             print(f"cruise: the settings stay as they were: {error}", file=sys.stderr)
     notifier.tell("STOPPING=1")
+
+
+def _say(line: str) -> None:
+    print(f"cruise: {line}", file=sys.stderr, flush=True)
 
 
 class Lines:

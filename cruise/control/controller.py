@@ -32,7 +32,7 @@ from cruise.model.model import Model, ModelState
 from cruise.settings import Positive, SettingsError
 from cruise.signals import OUTPUT, Sample
 
-ENGINE = ("engine_load_pct", "engine_speed_rpm")
+POWER = ("engine_load_pct", "engine_speed_rpm", "line_pressure_bar")
 SLOPE_S = 0.4  # s, least time constant through which a slope is seen: 1 cm/s of noise then is 2.5 cm/s2
 PACE_STEPS = 20.0  # per factor e: poles that differ by less share one programme
 
@@ -97,7 +97,6 @@ class Controller:
         self.shaper = CommandShaper(settings.shaping_hz, settings.shaping_order, self.frame_s)
         self.limits = Limits(settings.limits)
         self.power = PowerGuard(settings.power, self.frame_s)
-        self.engaged_s = 0.0
         self.trend = Trend(settings.predictive.trend_s, self.frame_s)
         self.state: ModelState | None = None
         self.current_ma = math.nan  # as measured last
@@ -121,8 +120,8 @@ class Controller:
             self.observer.shift(-more_mps)
             self.wanted_mps += more_mps
 
-    def step(self, sample: Sample, setpoint_mps: float | None) -> Command:
-        """One frame: `sample` the means over it, `setpoint_mps` while engaged and None otherwise."""
+    def step(self, sample: Sample, setpoint_mps: float | None, gently: bool = False) -> Command:
+        """One frame: `sample` the means over it, `setpoint_mps` while it drives; `gently` while it takes over."""
         self._watch(sample)
         if setpoint_mps is None or self.state is None:
             self.engaged = False
@@ -130,12 +129,11 @@ class Controller:
             return NEUTRAL if setpoint_mps is None else Command(0.0, math.nan, math.nan, "no measurement")
         if not self.engaged:
             self._take_over()
-        self.engaged_s += self.frame_s
-        load_pct, engine_rpm = (sample.signals.get(name, math.nan) for name in ENGINE)
-        bearable_mps = self.power.step(load_pct, engine_rpm, self.observer.speed_mps, setpoint_mps)
-        self._plan(self.state, bearable_mps)
+        load_pct, engine_rpm, bar = (sample.signals.get(name, math.nan) for name in POWER)
+        bearable_mps = self.power.step(load_pct, engine_rpm, bar, self.observer.speed_mps, setpoint_mps)
+        self._plan(self.state, bearable_mps, gently)
         if bearable_mps < setpoint_mps:
-            self.limited = "engine at its limit"
+            self.limited = "engine or drive at its limit"
         shaped_ma = self.shaper.step(self.wanted_ma)
         current_ma = self.limits.step(shaped_ma, self.frame_s)
         if current_ma != shaped_ma:
@@ -146,6 +144,7 @@ class Controller:
         )
 
     def _drive_with(self, model: Model) -> None:
+        self.adopted = model
         self.model = fast = at_period(replace(model, effects=tuple(map(_calm, model.effects))), self.frame_s)
         _, b, *_ = fast.split(fast.theta)
         self._slowest, self._share_of_period = slowest_pole(model), self.frame_s / model.period_s
@@ -176,7 +175,7 @@ class Controller:
 
     def _limit_status(self) -> LimitStatus:
         limits = self.settings.limits
-        if self.wanted_ma >= limits.current_max_ma or math.isfinite(self.power.cap_mps):
+        if self.wanted_ma >= limits.current_max_ma or self.power.limiting:
             return LimitStatus.LIMITED_HIGH
         return LimitStatus.LIMITED_LOW if self.wanted_ma <= limits.current_min_ma else LimitStatus.NOT_LIMITED
 
@@ -204,8 +203,8 @@ class Controller:
 
     def _take_over(self) -> None:
         """Begin where the machine is: its current, its speed."""
-        self.engaged, self.engaged_s = True, 0.0
-        self.power.cap_mps = math.inf
+        self.engaged = True
+        self.power.restart()
         self.limits.take_over(self.current_ma)
         self.shaper.reset(self.limits.last_ma)
         self.wanted_ma = self.limits.last_ma
@@ -227,7 +226,7 @@ class Controller:
             self._programmes[key] = found
         return found
 
-    def _plan(self, state: ModelState, setpoint_mps: float) -> None:
+    def _plan(self, state: ModelState, setpoint_mps: float, gently: bool) -> None:
         model, settings, signals = self.model, self.settings, self.signals
         self.past_references.append(self.reference.step(setpoint_mps, self.frame_s))
         gain = self._gain * state.gain
@@ -252,8 +251,7 @@ class Controller:
         )
         low, high = steady_mps(limits.current_min_ma), steady_mps(limits.current_max_ma)
         rate = (high - low) / (limits.current_max_ma - limits.current_min_ma) * limits.rate_max_ma_per_s
-        law = settings.predictive
-        share = law.engaging_share if self.engaged_s <= law.engaging_s else 1.0
+        share = settings.predictive.engaging_share if gently else 1.0
         self.plan = programme.solve(now, reference, Bounds(low, high, rate, share))
         self.wanted_mps = self.plan.wanted_mps + self._load_mps(state)
         inverse = current_for(model, self.plan.wanted_mps / gain, state, signals, settings.inversion)

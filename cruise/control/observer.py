@@ -28,29 +28,43 @@ class ObserverSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
 
 
 class DisturbanceObserver:
-    """`speed_mps` and `disturbance_mps` are all its state."""
+    """`speed_mps` and `disturbance_mps` are all its state; `innovation_mps` is what the last frame did not fit by."""
 
     def __init__(self, frame_s: float, settings: ObserverSettings) -> None:
         self.frame_s = frame_s
         self.settings = settings
         self.speed_mps = 0.0
         self.disturbance_mps = 0.0
+        self.innovation_mps = 0.0
         self._gains: dict[float, tuple[float, float]] = {}
+        self._keep()
 
     def reset(self, speed_mps: float) -> None:
         """Begin at a measured speed, with no disturbance known."""
-        self.speed_mps, self.disturbance_mps = speed_mps, 0.0
+        self.speed_mps, self.disturbance_mps, self.innovation_mps = speed_mps, 0.0, 0.0
+        self._keep()
+
+    @property
+    def upset(self) -> bool:
+        """Whether the state is no longer what was kept of it: nothing in the program did that."""
+        return self._kept != (self.speed_mps, self.disturbance_mps)
 
     def step(self, pole: float, steady_mps: float, speed_mps: float) -> float:
-        """One frame on: predict with the model, correct with the measured speed; returns the innovation in m/s."""
+        """One frame on: predict with the model, correct with the measured speed; returns the innovation in m/s.
+
+        A state that was upset stays so.
+        """
+        upset = self.upset
         gains = self._gains.get(pole)
         if gains is None:
             gains = self._gains[pole] = self.gains(pole)
         expected_mps = pole * self.speed_mps + (1.0 - pole) * (steady_mps + self.disturbance_mps)
-        innovation_mps = speed_mps - expected_mps
-        self.speed_mps = expected_mps + gains[0] * innovation_mps
-        self.disturbance_mps += gains[1] * innovation_mps
-        return innovation_mps
+        self.innovation_mps = speed_mps - expected_mps
+        self.speed_mps = expected_mps + gains[0] * self.innovation_mps
+        self.disturbance_mps += gains[1] * self.innovation_mps
+        if not upset:
+            self._keep()
+        return self.innovation_mps
 
     def gains(self, pole: float) -> tuple[float, float]:
         """The steady Kalman gain for speed and disturbance."""
@@ -70,4 +84,11 @@ class DisturbanceObserver:
 
     def shift(self, disturbance_mps: float) -> None:
         """Move the disturbance by what a change of the model explains differently, so that the change makes no bump."""
+        upset = self.upset
         self.disturbance_mps += disturbance_mps
+        if not upset:
+            self._keep()
+
+    def _keep(self) -> None:
+        """Note the state a second time, as IEC 61508 asks for what safety depends on."""
+        self._kept = (self.speed_mps, self.disturbance_mps)

@@ -21,6 +21,7 @@ from cruise.settings import Positive
 WINDOW_S: Final = 0.25  # s of commands with which the measured current is compared: time-out of the drive and a frame
 SMOOTH_S: Final = 0.2  # s, time constant through which two speeds are compared
 RATE_S: Final = 0.1  # s over which a rate is taken
+JUMP_S: Final = 0.2  # s over which the model's errors are summed
 TEXTURE_S: Final = 0.5  # s, time constant of the roughness
 LEAST_READINGS: Final = 8  # equal ones that make a sensor frozen: at 5 Hz it may repeat itself by chance
 
@@ -38,11 +39,14 @@ class PlausibilitySettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unk
     current_roughness_ma: Positive = 30.0  # mA; 2.5 at a noise of 1
     engine_roughness_rpm: Positive = 60.0  # 1/min; 5 at a noise of 2
     frozen_s: Positive = 0.5  # s without any change: noise moves a sensor that lives
-    disturbance_mps: Positive = 0.35  # m/s that hills, soil and the model's error may take
-    disturbance_share: Positive = 0.2  # and of the speed
+    # m/s that 5 degrees and soft soil take in the slow gears (0.2); a fast one loses more by equation 12, over alpha
+    disturbance_mps: Positive = 0.25
+    disturbance_share: Positive = 0.3  # of the speed, the model's error
+    jump_mps: Positive = 0.3  # m/s within 0.2 s that no command explains: 1.5 m/s2; rolling freely on 5 degrees is 0.17
     behind_mps: Positive = 0.3  # m/s that the machine may be behind the reference
     crowd: Positive = 1.6  # of the frames of a message in the second before engaging: more is a second sender
     faulty_share: Positive = 0.5  # of the last frames of a protected message
+    wavering: Positive = 2.5  # times in a second: an operator may change his mind twice
     pace: Positive = 1.5  # of the program's own period
 
 
@@ -57,11 +61,15 @@ class Seen:
     current_ma: float  # measured
     engine_rpm: float
     commanded_ma: float  # sent last, NaN while somebody else drives
-    reference_mps: float  # as the controller follows it now
+    followed_mps: float  # reference or setpoint, whichever is less: ahead of a falling reference is not behind
     disturbance_mps: float  # in m/s of steady speed, what the model does not explain
+    innovation_mps: float  # of the frame's speed, what was not expected
+    alpha: float  # equation 12: 1 in the slow gears, less in those that a hill slows down more
     crowding: float  # the busiest message's frames in the last second over those before engaging
     faulty_share: float  # of the last frames of the worst protected message
     imposters: int  # frames of our own messages that we did not send
+    wavering: int  # times in the last second that the setpoint went back to the one before
+    upset: bool  # what is kept twice, the state of the observer and the model, is no longer the same
     pace: float  # mean time between two ticks over the period
 
 
@@ -115,6 +123,7 @@ class Memory:
     commands: deque[tuple[float, float]] = field(default_factory=deque)  # time and current, while the controller drives
     smooth: list[float] = field(default_factory=lambda: [math.nan] * 3)  # speed, wheel, radar
     past: deque[tuple[float, float, float]] = field(default_factory=deque)  # time, speed, engine speed
+    unexpected: deque[float] = field(default_factory=deque)  # m/s, by frame
 
     def take(self, seen: Seen) -> None:
         """One frame period on."""
@@ -125,6 +134,9 @@ class Memory:
         self.past.append((seen.time_s, seen.speed_mps, seen.engine_rpm))
         while seen.time_s - self.past[0][0] > RATE_S + 1e-6:
             self.past.popleft()
+        self.unexpected.append(seen.innovation_mps)
+        while len(self.unexpected) * self.frame_s > JUMP_S + 1e-6:
+            self.unexpected.popleft()
         if math.isfinite(seen.commanded_ma):
             self.commands.append((seen.time_s, seen.commanded_ma))
         else:
@@ -170,7 +182,7 @@ def _frozen(seen: Seen, memory: Memory, settings: PlausibilitySettings) -> float
 
 
 def _response(seen: Seen, memory: Memory, settings: PlausibilitySettings) -> float:
-    allowed = settings.disturbance_mps + settings.disturbance_share * abs(seen.speed_mps)
+    allowed = settings.disturbance_mps / seen.alpha + settings.disturbance_share * abs(seen.speed_mps)
     return abs(seen.disturbance_mps) / allowed
 
 
@@ -189,6 +201,9 @@ CHECKS: Final = (
     Check("frames of a message come damaged or out of order", lambda seen, memory, settings:
           seen.faulty_share / settings.faulty_share, 0.0),
     Check("a message has a second sender", lambda seen, memory, settings: seen.crowding / settings.crowd, 0.0, True),
+    Check("two setpoints take turns", lambda seen, memory, settings: seen.wavering / settings.wavering, 0.0),
+    Check("the program's memory changed by itself", lambda seen, memory, settings:
+          math.inf if seen.upset else 0.0, 0.0),
     Check("the program gets too little time", lambda seen, memory, settings: seen.pace / settings.pace, 0.0),
     Check("the current does not follow its command", _current, 0.1, True),
     Check("the drive's speed is not that of wheel and ground", _speeds, 0.3),
@@ -199,8 +214,10 @@ CHECKS: Final = (
     Check("a sensor is too noisy", lambda seen, memory, settings: _rough(memory, settings), 0.2),
     Check("a sensor is frozen", _frozen, 0.0, True),
     Check("current and speed do not fit the model", _response, 0.3),
+    Check("the speed changes as no command did", lambda seen, memory, settings:
+          abs(sum(memory.unexpected)) / settings.jump_mps, 0.0, True),
     Check("the machine does not follow", lambda seen, memory, settings:
-          (seen.reference_mps - seen.speed_mps) / (settings.behind_mps + 0.1 * abs(seen.speed_mps)), 1.0, True),
+          (seen.followed_mps - seen.speed_mps) / (settings.behind_mps + 0.1 * abs(seen.speed_mps)), 1.0, True),
 )  # fmt: skip
 
 

@@ -1,12 +1,13 @@
-"""The engine at its limit: rather slower than stalled.
+"""Engine and drive at their limits: rather slower than stalled.
 
     c_(k+1) = c_k - a T   while load > HIGH and n < s n_0, from the present speed on;   + b T   while load < LOW
 
 c highest setpoint in m/s, a and b rates in m/s2, T frame in s, load the engine's own figure in percent of the torque
 available at its speed, through a lag, n engine speed, n_0 the one that it had before it was loaded, s share. An engine
 that lugs a little gains torque and carries on; one that keeps losing speed stalls, and the feed-forward of the engine
-speed would answer with more stroke, which takes more torque still: the setpoint gives way before that. Where no load
-is measured nothing is done here. Source: the anti-stall (load limiting) control of hydrostatic drives.
+speed would answer with more stroke, which takes more torque still: the setpoint gives way before that. A line whose
+relief valve opens gives no more force whatever the stroke: the setpoint is then the present speed. Where neither load
+nor pressure is measured nothing is done here. Source: the anti-stall (load limiting) control of hydrostatic drives.
 """
 
 import math
@@ -25,10 +26,15 @@ class PowerSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
     down_mps2: Positive = 0.4  # m/s2, below what the reference may do
     up_mps2: Positive = 0.05  # m/s2, slowly back: the load rises with the speed
     lag_s: Positive = 0.3  # s, a gust of crop is no overload
+    pressure_max_bar: Positive = 380.0  # bar, from which the relief valve opens; closed circuits are set to 350..450
+    pressure_back: Positive = 0.9  # of it, below which there is force left again
 
 
 class PowerGuard:
-    """`cap_mps` is the highest setpoint, infinite where the engine has power left; the rest is the load as seen."""
+    """`cap_mps` is the highest setpoint, infinite where the engine has power left; the rest is the load as seen.
+
+    `spent`: the relief valve is open.
+    """
 
     def __init__(self, settings: PowerSettings, frame_s: float) -> None:
         self.settings = settings
@@ -36,11 +42,24 @@ class PowerGuard:
         self.share = 1.0 - math.exp(-frame_s / settings.lag_s)
         self.load_pct = math.nan
         self.unloaded_rpm = math.nan
+        self.spent = False
+        self.restart()
+
+    def restart(self) -> None:
+        """Nothing gives way."""
         self.cap_mps = math.inf
 
-    def step(self, load_pct: float, engine_rpm: float, speed_mps: float, setpoint_mps: float) -> float:
-        """The setpoint that the engine can bear, one frame later."""
+    @property
+    def limiting(self) -> bool:
+        """Whether the setpoint gives way."""
+        return self.spent or math.isfinite(self.cap_mps)
+
+    def step(
+        self, load_pct: float, engine_rpm: float, pressure_bar: float, speed_mps: float, setpoint_mps: float
+    ) -> float:
+        """The setpoint that engine and drive can bear, one frame later."""
         settings = self.settings
+        self.spent = pressure_bar > settings.pressure_max_bar * (settings.pressure_back if self.spent else 1.0)
         if math.isfinite(load_pct):
             before = self.load_pct if math.isfinite(self.load_pct) else load_pct
             self.load_pct = before + self.share * (load_pct - before)
@@ -54,4 +73,4 @@ class PowerGuard:
             self.cap_mps += settings.up_mps2 * self.frame_s
         if self.cap_mps >= setpoint_mps:
             self.cap_mps = math.inf
-        return min(setpoint_mps, self.cap_mps)
+        return min(setpoint_mps, self.cap_mps, max(speed_mps, 0.0) if self.spent else math.inf)

@@ -27,6 +27,9 @@ from cruise.settings import Positive
 _FREE, _SOFT = 0, 8  # DAQP's "sense" of a constraint
 GROWTH: Final = 1.45  # of the blocks over which the wanted drive is constant, from one to the next
 ROWS_S: Final = 0.1  # s between two bounds on acceleration, jerk and rate
+FELT: Final = (
+    0.1  # share of the response from which on a bound is a row: what acts with less would be driven to its ends
+)
 
 
 class PredictiveSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -37,8 +40,7 @@ class PredictiveSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unkno
     move_weight: Annotated[float, msgspec.Meta(ge=0)] = 4.0
     accel_max_mps2: Positive = 1.0  # m/s2, predicted
     jerk_max_mps3: Positive = 2.0  # m/s3, predicted
-    engaging_share: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.5  # of both bounds, just engaged
-    engaging_s: Annotated[float, msgspec.Meta(ge=0)] = 3.0
+    engaging_share: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.5  # of both bounds, while it takes over
     excess_weight: Positive = 0.05  # sigma, (m/s)^2: all of a bound too much in a row costs as 0.2 m/s for a frame
     # The reference begins so gently that a machine which answers late can be there earlier than its dead time says.
     lead_s: Annotated[float, msgspec.Meta(ge=0)] = 0.1
@@ -117,7 +119,8 @@ class Programme:
         self._hessian = np.ascontiguousarray(self._forced.T @ self._forced + weight * moves.T @ moves)
         self._weight, self._blocks, self._excess_weight = weight, blocks, settings.excess_weight
         every = max(round(ROWS_S / frame_s), 1)
-        rows = np.arange(max(delay, 2), count, every)  # before, nothing can be done
+        felt_at = delay + int(np.argmax(np.cumsum(response) >= FELT))
+        rows = np.arange(max(felt_at, 2), count, every)  # before, nothing can be done
         first = np.eye(count) - np.eye(count, k=-1)
         second = first @ first
         accel = first[rows] / (settings.accel_max_mps2 * frame_s)

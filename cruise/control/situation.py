@@ -18,9 +18,16 @@ class EngagementSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unkno
     lever_moved_pct: Positive = 5.0  # %, change of the lever that means the operator wants it
     override_s: Positive = 1.0  # s that pedals and lever have to be left alone before an override is over
     reached_mps: Positive = 0.1  # m/s, speed to setpoint at which the take-over is done: 5 % of a usual speed
-    overspeed_mps: Positive = 0.4  # m/s above what was wished, while the machine can follow: something else drives
+    # m/s above what was wished while the machine can follow, and s/m times its square, as a hill acts on the gears by
+    # equation 12 of the paper; one of 8 degrees within 2.5 s adds 0.1 in first and 0.5 in third; more is no hill
+    overspeed_mps: Positive = 0.2
+    overspeed_spm: Positive = 0.05
     slowing_mps2: Positive = 0.2  # m/s2, a deceleration that every machine can follow, dead time and hill included
     shifts_under_way: bool = False  # a gearbox that changes gear under load; with others a changed gear is an exit
+
+    def hill_mps(self, wished_mps: float) -> float:
+        """What a hill may add to a speed that is wished."""
+        return self.overspeed_mps + self.overspeed_spm * max(wished_mps, 0.0) ** 2
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Final
 
 import numpy as np
-from scipy import signal
+import scipy  # its signal part, slow to load, is loaded where it is first used: the service does without
 
 from cruise.effects.effect import EMPTY_KG, GRAVITY_MPS2, About, Effect, Parameter, Stage, State, Value, clip, where
 from cruise.signals import OUTPUT, Signals
@@ -89,8 +89,8 @@ class Grade(Effect):
             return Effect.over(self, values, past_speeds, signals, dt_s)
         rest = math.exp(-dt_s / max(self.filter_s, AT_ONCE_S))
         seen_mps2 = GRAVITY_MPS2 * np.sin(np.radians(pitch_deg))
-        slope_mps2, _ = signal.lfilter([1.0 - rest], [1.0, -rest], seen_mps2, zi=[rest * seen_mps2[0]])
-        followed_mps, _ = signal.lfilter([1.0 - rest], [1.0, -rest], measured_mps, zi=[rest * measured_mps[0]])
+        slope_mps2, _ = scipy.signal.lfilter([1.0 - rest], [1.0, -rest], seen_mps2, zi=[rest * seen_mps2[0]])
+        followed_mps, _ = scipy.signal.lfilter([1.0 - rest], [1.0, -rest], measured_mps, zi=[rest * measured_mps[0]])
         accel_mps2 = np.diff(followed_mps, prepend=measured_mps[0]) / dt_s
         mass_kg = np.asarray(signals.get("machine_mass_kg", EMPTY_KG), float)
         mass_kg = np.where(np.isfinite(mass_kg), mass_kg, EMPTY_KG)

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Final
 
 import numpy as np
-from scipy import signal
+import scipy  # its signal part, slow to load, is loaded where it is first used: the service does without
 
 from cruise.effects.effect import About, Effect, Inverse, Parameter, Stage, State, Value, clip, where
 from cruise.signals import Signals
@@ -75,7 +75,7 @@ class RateLimit(Effect):
         rest = math.exp(-dt_s / max(self.lag_s, AT_ONCE_S))
         current = np.broadcast_to(np.asarray(values, float), len(past_speeds))
         if len(current) and np.isfinite(current).all():
-            lagged = signal.lfilter([1.0 - rest], [1.0, -rest], current, zi=[rest * current[0]])[0]
+            lagged = scipy.signal.lfilter([1.0 - rest], [1.0, -rest], current, zi=[rest * current[0]])[0]
             if np.max(np.abs(np.diff(lagged)), initial=0.0) <= reach_ma:
                 return lagged, lagged
         result, results = math.nan, []

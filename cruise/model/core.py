@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy import signal
+import scipy  # its signal part, slow to load, is loaded where it is first used: the service does without
 
 from cruise.effects import Effect
 from cruise.model.model import Model
@@ -54,12 +54,12 @@ class Core:
         for lag_s in (self.lag_s, self.second_lag_s):
             if lag_s > 0.0:
                 rest = math.exp(-period_s / lag_s)
-                felt, _ = signal.lfilter([1.0 - rest], [1.0, -rest], felt, zi=[rest * felt[0]])
+                felt, _ = scipy.signal.lfilter([1.0 - rest], [1.0, -rest], felt, zi=[rest * felt[0]])
         if self.resonance_share == 0.0:
             return felt
         numerator, denominator = self._resonance(period_s)
-        start = signal.lfilter_zi(numerator, denominator) * felt[0]
-        ringing, _ = signal.lfilter(numerator, denominator, felt, zi=start)
+        start = scipy.signal.lfilter_zi(numerator, denominator) * felt[0]
+        ringing, _ = scipy.signal.lfilter(numerator, denominator, felt, zi=start)
         return (1.0 - self.resonance_share) * felt + self.resonance_share * ringing
 
     def _resonance(self, period_s: float) -> tuple[list[float], list[float]]:
@@ -76,9 +76,18 @@ class Core:
 
     def response(self, period_s: float, count: int) -> np.ndarray:
         """h_0 .. h_(count-1), shape (count,), without unit; what lies beyond the last is left out."""
-        pulse = np.zeros(count + 1)
-        pulse[1] = 1.0
-        return self.felt(pulse, period_s)[1:]
+        if self.resonance_share:
+            pulse = np.zeros(count + 1)
+            pulse[1] = 1.0
+            return self.felt(pulse, period_s)[1:]
+        whole, share = divmod(self.delay_s / period_s, 1.0)
+        felt = np.zeros(int(whole) + 2 + count)
+        felt[int(whole) : int(whole) + 2] = 1.0 - share, share
+        for lag_s in (self.lag_s, self.second_lag_s):
+            if lag_s > 0.0:
+                rest = math.exp(-period_s / lag_s)
+                felt = np.convolve(felt[:count], (1.0 - rest) * rest ** np.arange(count))
+        return felt[:count]
 
     @property
     def memory_s(self) -> float:

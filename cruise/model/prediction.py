@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import signal
+import scipy  # its signal part, slow to load, is loaded where it is first used: the service does without
 
 from cruise.effects import over
 from cruise.effects.effect import State, Value
@@ -183,8 +183,8 @@ def run_driven(split: Driven, speeds_mps: np.ndarray) -> np.ndarray:
         past = speeds_mps[run.start - depth : run.start][::-1]
         if fixed:
             denominator = np.array([1.0, *(-coefficient for coefficient in split.feedback)])
-            memory = signal.lfiltic([1.0], denominator, past)
-            result[run], _ = signal.lfilter([1.0], denominator, split.forced[run], zi=memory)
+            memory = scipy.signal.lfiltic([1.0], denominator, past)
+            result[run], _ = scipy.signal.lfilter([1.0], denominator, split.forced[run], zi=memory)
             continue
         coefficients = np.column_stack([np.broadcast_to(c, len(speeds_mps))[run] for c in split.feedback]).tolist()
         speeds = past.tolist()

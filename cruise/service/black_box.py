@@ -1,4 +1,9 @@
-"""The recorder of the machine: it listens to the bus, keeps the last hours, and freezes what is around an exit."""
+"""The recorder of the machine: it listens to the bus, keeps the last hours, and freezes what is around an exit.
+
+A disk that is full, or gone, costs frames and nothing else: it is tried again with the next one.
+"""
+
+from collections.abc import Callable
 
 from cruise.can.codec import Codec
 from cruise.can.frame import Frame
@@ -17,13 +22,15 @@ class BlackBox:
         self.codec = codec
         self.ring = ring
         self.exits = 0
+        self.failures = 0  # of writing, since the start
+        self.problem = ""  # what the system said of the last one
         self._active = False
         self._command_s = 0.0
         self._now_s = 0.0
 
     def receive(self, frame: Frame) -> None:
         """Write one frame down."""
-        self.ring.write(frame, self._now_s)
+        self._try(lambda: self.ring.write(frame, self._now_s))
         decoded = self.codec.decode(frame)
         if decoded.message != COMMAND or decoded.fault is not None:
             return
@@ -43,4 +50,11 @@ class BlackBox:
 
     def _exit(self) -> None:
         self.exits += 1
-        self.ring.freeze(self._now_s)
+        self._try(lambda: self.ring.freeze(self._now_s))
+
+    def _try(self, act: Callable[[], None]) -> None:
+        try:
+            act()
+        except (OSError, ValueError) as error:  # ValueError: a segment that could not be opened is closed
+            self.failures += 1
+            self.problem = f"{self.ring.folder}: cannot be written: {error}"

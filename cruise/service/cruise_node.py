@@ -111,13 +111,14 @@ class CruiseNode:
         codec = Codec.load(settings.database, settings.can)
         return cls(settings, files.load(settings.model), codec, canopen, experiments)
 
-    def receive(self, frame: Frame) -> None:
-        """Take one frame in, whatever it is."""
-        by_canopen = self.settings.setpoint_from == "canopen"
+    def receive(self, frame: Frame) -> list[Frame]:
+        """Take one frame in, whatever it is; returns the answer to a CANopen client."""
+        by_canopen, answers = self.settings.setpoint_from == "canopen", []
         if self.canopen is not None:
             for reading in self.canopen.receive(frame):
                 if by_canopen:
                     self.hearing.latest[reading.name] = (reading.time_s, reading.value)
+            answers = self.canopen.answers()
         ignored = _ASKED if by_canopen else ()
         for reading in self.hearing.take(frame, ignored):
             if reading.name in self.sampler.streams:
@@ -126,6 +127,7 @@ class CruiseNode:
                 self.frame_sampler.push(reading.name, reading.time_s, reading.value)
             if self.plausibility is not None:
                 self.plausibility.read(reading.name, reading.time_s, reading.value)
+        return answers
 
     def tick(self, now_s: float) -> list[Frame]:
         """One frame period on: learn and plan where a model period ends, decide who drives, command the pump."""
@@ -143,7 +145,7 @@ class CruiseNode:
         if state.controls and not before.controls:
             self.hearing.remember(now_s)
         setpoint_mps = self.engagement.setpoint_mps if state.controls else None
-        self.command = self.controller.step(frame, setpoint_mps)
+        self.command = self.controller.step(frame, setpoint_mps, gently=state is State.ENGAGING)
         if state is State.COMMISSIONING:
             self.command = Command(self._excite(now_s), math.nan, math.nan, "")
         else:
@@ -248,11 +250,15 @@ class CruiseNode:
             current_ma=frame.current_ma,
             engine_rpm=frame.signals["engine_speed_rpm"],
             commanded_ma=self.command.current_ma if controls else math.nan,
-            reference_mps=controller.past_references[0] if controls else math.nan,
+            followed_mps=min(controller.past_references[0], self.engagement.setpoint_mps) if controls else math.nan,
             disturbance_mps=controller.observer.disturbance_mps if controller.state is not None else math.nan,
+            innovation_mps=controller.observer.innovation_mps,
+            alpha=controller.state.pace if controller.state is not None else 1.0,
             crowding=self.hearing.crowding(frame.time_s),
             faulty_share=self.hearing.faulty_share,
             imposters=self.hearing.imposters,
+            wavering=self.hearing.wavering(frame.time_s),
+            upset=controller.observer.upset or controller.adopted is not self.supervisor.driving,
             pace=self.pace.slowness,
         )
 

@@ -1,9 +1,16 @@
-"""The cruise control as a service: node, bus, what is kept, and what systemd is told, from start to neutral."""
+"""The cruise control as a service: node, bus, what is kept, and what systemd is told, from start to neutral.
+
+Settings are the file's, and on top of them what a CANopen master wrote (object 2F00h of config/cruise.eds), which is
+checked by the same structs. There is one way to change them: the run ends with neutral, whoever made the Daemon reads
+the file again and makes the next one with the `changes` of this one, as after SIGHUP. After a start nothing is engaged.
+"""
 
 import json
+import logging
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any, Literal
 
 import msgspec
 
@@ -15,25 +22,61 @@ from cruise.service.chronicle import Chronicle
 from cruise.service.cruise_node import CruiseNode
 from cruise.service.loop import Lateness, serve
 from cruise.service.notify import Notifier
-from cruise.service.persistence import Keeper, StateFile, fingerprint
+from cruise.service.persistence import Keeper, Kept, StateFile, fingerprint
 from cruise.service.realtime import Garbage, lock_memory
 from cruise.service.settings import CruiseSettings
 from cruise.service.station import FILTERS, Station
+from cruise.settings import SettingsError
 
 _NO_BUS = (BusHealth.OFF, BusHealth.LOST)
 
 
-class Daemon:
-    """One run with one set of settings; `say` takes lines for the log. Raises SettingsError."""
+class Changes(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
+    """What a CANopen master may write: these parts of CruiseSettings, of each the settings that are to change.
 
-    def __init__(self, settings: CruiseSettings, notifier: Notifier, say: Callable[[str], None]) -> None:
-        self.settings = settings
+    The others are the file's alone: what names files, the bus (who cuts itself off can't take it back), the machine's
+    identity, and whether experiments may be driven.
+    """
+
+    setpoint_from: Literal["j1939", "canopen"] | None = None
+    sampling: dict[str, Any] = {}
+    estimator: dict[str, Any] = {}
+    supervision: dict[str, Any] = {}
+    engagement: dict[str, Any] = {}
+    plausibility: dict[str, Any] = {}
+    control: dict[str, Any] = {}
+
+
+class Daemon:
+    """One run with one set of settings; `say` takes lines for the log. Raises SettingsError.
+
+    `changes` are those of the run before, None at the first: then what is stored counts. `reload` asks for the next
+    run; without it settings can't be written.
+    """
+
+    def __init__(
+        self,
+        settings: CruiseSettings,
+        notifier: Notifier,
+        say: Callable[[str], None],
+        changes: Mapping[str, Any] | None = None,
+        reload: Callable[[], None] | None = None,
+    ) -> None:
+        self.settings = self._of_file = settings
         self.notifier = notifier
         self.say = say
+        # What a client of the bus does wrong is answered there; at a thousand frames a second a log would cost time.
+        logging.getLogger("canopen").setLevel(logging.CRITICAL)
         self.node = CruiseNode.load(settings)
+        self.changes: Mapping[str, Any] = {}
+        self._reload = reload
+        state, keeper = self._kept()
+        self._adopt(changes if changes is not None or keeper is None else keeper.settings)
         self.station = Station(self.node, settings.can)
         self.lateness = Lateness()
-        self.chronicle = self._chronicle()
+        self._keeper, self.chronicle = keeper, None
+        if keeper is not None and settings.persistence is not None:
+            self.chronicle = Chronicle(self.node, settings.persistence, state, keeper)
         self.bus = PatientBus(settings.can.channel, lambda: open_bus(settings.can, filters=self._filters()))
         self._health = self.bus.health
         self._state = ""
@@ -92,19 +135,70 @@ class Daemon:
                     msgspec.structs.asdict(chronicle.state().statistics) if chronicle else {}
                 ),
             },
-            store=chronicle.keep if chronicle else lambda: None,
-            restore=self.node.estimator.forget,
-            may_restore=lambda: not self.node.engagement.state.drives,
+            store=self._store,
+            restore=self._restore,
+            may_change=lambda: not self.node.engagement.state.drives,
+            change=self._change if self._reload is not None else None,
         )
+
+    def _change(self, text: str) -> None:
+        """Have the settings in `text` changed in the next run, which comes at once. Raises SettingsError."""
+        written = strict.parse(text, Changes, "object 2F00h")
+        changes = _merged(self.changes, msgspec.to_builtins(written))
+        self._with(changes)
+        self.changes = changes
+        self._ask_for_reload()
+
+    def _store(self) -> None:
+        if self.chronicle is None or self._keeper is None:
+            raise SettingsError("nothing is kept here; add the section persistence to the settings")
+        self._keeper.settings = dict(self.changes)
+        self.chronicle.keep()
+
+    def _restore(self) -> None:
+        """Back to the factory's model and the file's settings, now and after a restart."""
+        self.node.estimator.forget()
+        changed, self.changes = bool(self.changes), {}
+        if self.chronicle is not None:
+            self._store()
+        if changed:
+            self._ask_for_reload()
+
+    def _ask_for_reload(self) -> None:
+        if self._reload is not None:
+            self._reload()
+
+    def _adopt(self, changes: Mapping[str, Any] | None) -> None:
+        """Go on with `changes`, or with the file alone where it no longer agrees with them."""
+        if not changes:
+            return
+        try:
+            self.settings, self.node = self._with(changes)
+            self.changes = changes
+        except SettingsError as error:
+            self.say(f"settings written by SDO are not used: {error}")
+
+    def _with(self, changes: Mapping[str, Any]) -> tuple[CruiseSettings, CruiseNode]:
+        """Return the file's settings with `changes`, and a new node that has them. Raises SettingsError."""
+        node = self.node
+        experiments = tuple(node.engagement.experiments.values())
+        try:
+            settings = msgspec.convert(_merged(msgspec.to_builtins(self._of_file), changes), CruiseSettings)
+            fresh = CruiseNode(settings, node.estimator.factory, node.codec, node.canopen, experiments)
+            fresh.estimator.restore(node.estimator.save())
+        except (msgspec.ValidationError, ValueError, ArithmeticError) as error:
+            raise SettingsError(f"object 2F00h: {error}; the settings stay as they were") from error
+        return settings, fresh
 
     def _filters(self) -> tuple[Filter, ...]:
         canopen = self.node.canopen
         return (*self.node.hearing.codec.filters, *FILTERS, *(canopen.filters if canopen is not None else ()))
 
-    def _chronicle(self) -> Chronicle | None:
+    def _kept(self) -> tuple[Kept | None, Keeper | None]:
+        """What the runs before left, given to the estimator, and who keeps what this one leaves."""
         kept = self.settings.persistence
         if kept is None:
-            return None
+            return None, None
         estimator = self.node.estimator
         folder = Path(os.environ.get("STATE_DIRECTORY", kept.folder))
         folder.mkdir(parents=True, exist_ok=True)
@@ -112,4 +206,13 @@ class Daemon:
         found = file.read(lambda state: estimator.restore(state.learned))
         for problem in found.problems:
             self.say(problem)
-        return Chronicle(self.node, kept, found.kept, Keeper(file))
+        return found.kept, Keeper(file, found.kept.settings if found.kept is not None else None)
+
+
+def _merged(values: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return `values` with `changes` in them, mappings within mappings likewise."""
+    merged = dict(values)
+    for name, value in changes.items():
+        old = merged.get(name)
+        merged[name] = _merged(old, value) if isinstance(old, Mapping) and isinstance(value, Mapping) else value
+    return merged

@@ -22,6 +22,8 @@ LAST_FRAMES: Final = 10  # of a protected message, over which the share of damag
 COUNT_S: Final = 1.0  # s over which the frames of a message are counted
 MOST: Final = 1000  # frames that are counted of a message: a flood must not fill the memory
 FEW: Final = 1.0  # frame that a count may be off by
+SETPOINT: Final = "setpoint_mps"
+APART_MPS: Final = 0.05  # m/s, by which two panels differ; a knob between two of its steps wavers by less
 
 
 class Hearing:
@@ -36,6 +38,8 @@ class Hearing:
         self.imposters = 0  # intact frames of our own messages, since the start
         self.damaged = {name: deque([False] * LAST_FRAMES, maxlen=LAST_FRAMES) for name in PROTECTED}
         self.arrivals: dict[str, deque[float]] = {}
+        self.words: deque[float] = deque(maxlen=3)  # the last setpoints
+        self.wavered: deque[float] = deque(maxlen=MOST)  # when the setpoint went back to the one before
         self.usual: dict[str, int] = {}  # frames of each message in the last second before the controller took over
 
     def take(self, frame: Frame, ignored: Collection[str] = ()) -> list[Reading]:
@@ -49,6 +53,8 @@ class Hearing:
         for reading in decoded.readings:
             if reading.name in ignored:
                 continue
+            if reading.name == SETPOINT:
+                self._hear_word(reading)
             if reading.name == OUTPUT and decoded.message != FAST_MESSAGE:
                 self.latest[RADAR] = (reading.time_s, reading.value)
             elif reading.name != INPUT or decoded.message == FAST_MESSAGE:
@@ -71,6 +77,10 @@ class Hearing:
             (self._count(name, now_s) / (count + FEW) for name, count in self.usual.items() if count), default=math.nan
         )
 
+    def wavering(self, now_s: float) -> int:
+        """How often in the last second the setpoint went back to the one before: two panels that disagree."""
+        return _recent(self.wavered, now_s)
+
     @property
     def faulty_share(self) -> float:
         """Of the last frames of the worst protected message."""
@@ -85,8 +95,19 @@ class Hearing:
         if decoded.fault is None:
             self.arrivals.setdefault(message, deque(maxlen=MOST)).append(time_s)
 
+    def _hear_word(self, reading: Reading) -> None:
+        self.words.append(reading.value)
+        if len(self.words) == 3:
+            first, other, again = self.words
+            if abs(first - other) > APART_MPS and abs(first - again) <= APART_MPS:
+                self.wavered.append(reading.time_s)
+
     def _count(self, message: str, now_s: float) -> int:
-        arrivals = self.arrivals[message]
-        while arrivals and now_s - arrivals[0] > COUNT_S:
-            arrivals.popleft()
-        return len(arrivals)
+        return _recent(self.arrivals[message], now_s)
+
+
+def _recent(times_s: deque[float], now_s: float) -> int:
+    """How many of the times lie in the last second; older ones are dropped."""
+    while times_s and now_s - times_s[0] > COUNT_S:
+        times_s.popleft()
+    return len(times_s)

@@ -22,8 +22,8 @@ class Node(Protocol):
 
     period_s: float
 
-    def receive(self, frame: Frame) -> None:
-        """Take one frame in."""
+    def receive(self, frame: Frame) -> Sequence[Frame] | None:
+        """Take one frame in; returns what to answer at once, if anything."""
         ...
 
     def tick(self, now_s: float) -> list[Frame]:
@@ -54,10 +54,9 @@ class Lockstep:
             now_s = self.now_s
             for (node, bus), every in zip(self.ends, self.every, strict=True):
                 for frame in bus.drain():
-                    node.receive(frame)
+                    _send(node.receive(frame), bus)
                 if self.steps % every == 0:
-                    for frame in node.tick(now_s):
-                        bus.send(frame)
+                    _send(node.tick(now_s), bus)
             if each_step is not None:
                 each_step(now_s)
             if pace > 0.0:
@@ -75,10 +74,9 @@ class Together:
         self.every = [_steps(node.period_s, self.period_s) for node in nodes]
         self.ticks = 0
 
-    def receive(self, frame: Frame) -> None:
+    def receive(self, frame: Frame) -> Sequence[Frame]:
         """Every node hears it."""
-        for node in self.nodes:
-            node.receive(frame)
+        return [answer for node in self.nodes for answer in node.receive(frame) or ()]
 
     def tick(self, now_s: float) -> list[Frame]:
         """Those whose time it is speak, in order."""
@@ -142,7 +140,7 @@ def serve(
     while running():
         due = begin + (ticks + 1) * node.period_s
         while (frame := bus.receive(due)) is not None:
-            node.receive(frame if wall_clock else _stamped(frame, time.monotonic() - begin))
+            _send(node.receive(frame if wall_clock else _stamped(frame, time.monotonic() - begin)), bus)
         late_s = time.monotonic() - due
         ticks += 1
         if late_s > node.period_s:
@@ -153,10 +151,14 @@ def serve(
         if lateness is not None:
             lateness.add(max(late_s, 0.0))
         now_s = time.monotonic() - begin
-        for outgoing in node.tick(now_s):
-            bus.send(outgoing)
+        _send(node.tick(now_s), bus)
         if each_tick is not None:
             each_tick(now_s)
+
+
+def _send(frames: Sequence[Frame] | None, bus: Bus) -> None:
+    for frame in frames or ():
+        bus.send(frame)
 
 
 def _steps(period_s: float, step_s: float) -> int:

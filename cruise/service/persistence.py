@@ -1,4 +1,5 @@
-"""What survives a restart: learned parameters and statistics, of one machine and one model, never half written.
+"""What survives a restart: learned parameters, statistics, settings that were written and stored by SDO. Of one
+machine and one model, never half written.
 
 A file is one line with the checksum of the rest, then JSON with a version. A new one is written beside the old one and
 takes its place in one step; the old one stays as `NAME.previous`, and is read where the new one is broken:
@@ -14,7 +15,7 @@ import hashlib
 import os
 import queue
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Final
@@ -48,12 +49,13 @@ class Statistics(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
 
 class Kept(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The state of one machine. `learned` is what Estimator.save gave."""
+    """The state of one machine. `learned` is what Estimator.save gave, `settings` what is other than in the file."""
 
     machine: str
     model: str  # fingerprint of the factory model that it belongs to
     learned: dict[str, Any]
     statistics: Statistics
+    settings: dict[str, Any] = {}
     version: int = VERSION
 
 
@@ -144,9 +146,13 @@ class StateFile:
 
 
 class Keeper:
-    """Writes states in a thread of its own, the newest only: the disk must not hold up the loop."""
+    """Writes states in a thread of its own, the newest only: the disk must not hold up the loop.
 
-    def __init__(self, file: StateFile) -> None:
+    `settings` go into each of them as they are when it is handed in: they change when they are stored, not with a run.
+    """
+
+    def __init__(self, file: StateFile, settings: Mapping[str, Any] | None = None) -> None:
+        self.settings = dict(settings or {})
         self.problem = ""  # why the last one could not be written
         self._file = file
         self._waiting: queue.SimpleQueue[Kept | None] = queue.SimpleQueue()
@@ -155,7 +161,7 @@ class Keeper:
 
     def keep(self, kept: Kept) -> None:
         """Have `kept` written soon."""
-        self._waiting.put(kept)
+        self._waiting.put(msgspec.structs.replace(kept, settings=self.settings))
 
     def close(self) -> None:
         """Wait until all has been written."""

@@ -33,11 +33,11 @@ class Station:
         """Whether another one has it."""
         return self.address is not None and self.address.claim is Claim.LOST
 
-    def receive(self, frame: Frame) -> None:
-        """Take one frame in."""
+    def receive(self, frame: Frame) -> list[Frame]:
+        """Take one frame in; returns the answer of the CANopen node, which has an address of its own."""
         if self.address is not None:
             self.address.receive(frame)
-        self.node.receive(frame)
+        return self.node.receive(frame)
 
     def tick(self, now_s: float) -> list[Frame]:
         """One period on: what the node says, if it may."""

@@ -139,6 +139,23 @@ def test_sdo():
     assert (0x591, "8000300000000206") in sent(end, 1.1)
 
 
+@pytest.mark.parametrize("command", [f"{specifier:02x}" for specifier in range(0, 256, 16)])
+def test_the_first_request_may_be_any(command: str):
+    end = started()
+    end.receive(frame(0x611, f"{command}00000000000000"))
+    answers = [data for identifier, data in sent(end, 0.01) if identifier == 0x591]
+    assert answers == [] if command in ("80", "90") else len(answers) == 1
+    end.receive(frame(0x611, "4017100000000000"))
+    assert (0x591, "4b171000f4010000") in sent(end, 0.02), "it goes on answering"
+
+
+def test_random_requests_and_what_nobody_began_raise_nothing():
+    draw, end = random.Random(7), started()
+    for k in range(20_000):
+        end.receive(frame(0x611, draw.randbytes(8).hex(), 0.001 * k))
+        end.receive(frame(0, START))
+
+
 def test_sdo_reads_what_pdos_carry():
     end = started()
     end.receive(frame(0x211, "d00701"))
@@ -286,7 +303,7 @@ def test_texts_and_commands_by_sdo():
             texts={"settings": lambda: "a: 1\n", "learned": lambda: "{}", "statistics": lambda: "{}"},
             store=lambda: done.append("store"),
             restore=lambda: done.append("restore"),
-            may_restore=lambda: not drives,
+            may_change=lambda: not drives,
         )
     )
     assert answered(end, "40002f0000000000") == "41002f0005000000", "five bytes to come"
@@ -300,4 +317,5 @@ def test_texts_and_commands_by_sdo():
     drives = False
     assert answered(end, "23111001" + load) == "6011100100000000"
     assert done == ["store", "restore"]
-    assert answered(end, "23002f00" + save) == "80002f0002000106", "read only"
+    assert answered(end, "23002f00" + save) == "80002f0002000106", "read only where nobody takes it"
+    assert answered(end, "23012f00" + save) == "80012f0002000106", "and what was learned always"

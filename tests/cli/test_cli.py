@@ -207,6 +207,43 @@ def test_run_reads_its_settings_again_and_keeps_the_old_ones_where_they_are_wron
     assert "misspelt" in err
 
 
+def test_run_goes_on_with_what_a_master_writes(verb, tmp_path, monkeypatch):
+    from cruise.can.bus import open_bus
+    from cruise.can.frame import Frame
+    from cruise.can.settings import CanSettings
+    from cruise.cli import run
+
+    config = tmp_path / "cruise.yaml"
+    config.write_text(
+        f"model: {CONFIG / 'factory_model.yaml'}\ndatabase: {CONFIG / 'cruise.dbc'}\n"
+        f"dictionary: {CONFIG / 'cruise.eds'}\ncan: {{bus: virtual}}\ncanopen: {{node_id: 17}}\n"
+    )
+    text = b"control: {frame_s: 0.1}"
+    segments = [text[k : k + 7] for k in range(0, len(text), 7)]
+    requests = [b"\x21\x00\x2f\x00" + len(text).to_bytes(4, "little")]
+    for k, part in enumerate(segments):  # CiA 301, 7.2.4.3.4: toggle bit, bytes not used, last one
+        command = k % 2 << 4 | 7 - len(part) << 1 | (k == len(segments) - 1)
+        requests.append(bytes([command]) + part.ljust(7, b"\x00"))
+    calls = 0
+
+    def goes_on(self) -> bool:
+        nonlocal calls
+        calls += 1
+        if calls == 3:
+            with open_bus(CanSettings()) as master:
+                for request in requests:
+                    master.send(Frame(0.0, 0x611, is_extended_id=False, data=request))
+        if calls == 9:
+            self._stop(2, None)
+        return not (self.stopped or self.reload)
+
+    monkeypatch.setattr(run.Running, "__call__", goes_on)
+    code, out, err = verb("run", config, "--quiet")
+    assert code == 0
+    assert [line.split()[-2] for line in out.splitlines() if "command every" in line] == ["0.05", "0.1"]
+    assert err.count("neutral sent") == 2
+
+
 def test_the_black_box_keeps_a_ring(verb, tmp_path):
     config = tmp_path / "cruise.yaml"
     config.write_text(

@@ -9,6 +9,7 @@ import pytest
 
 from cruise.control.controller import NEUTRAL, Command, Controller, ControlSettings
 from cruise.control.limits import LimitSettings
+from cruise.control.predictive import PredictiveSettings
 from cruise.effects.dead_zone import DeadZone
 from cruise.effects.engine_speed import EngineSpeed
 from cruise.effects.gear_ratio import GearRatio
@@ -206,6 +207,19 @@ def test_no_command_leaves_the_limits():
 def test_acceleration_stays_within_what_is_comfortable():
     loop = Loop(Machine()).by_hand(600.0, 20.0).engaged(2.4, 15.0).engaged(0.6, 15.0)
     assert abs(np.diff(loop.speeds)).max() / FRAME_S < 1.0
+
+
+def test_it_takes_over_gently_until_it_is_told_otherwise():
+    def hardest(gently: bool) -> float:
+        predictive = PredictiveSettings(accel_max_mps2=0.5)
+        loop = Loop(Machine(), settings=ControlSettings(predictive=predictive)).by_hand(600.0, 20.0)
+        for _ in range(100):
+            loop.commands.append(loop.controller.step(loop.sample, 2.4, gently))
+            loop.sample = loop.machine.step(loop.commands[-1].current_ma)
+            loop.speeds.append(loop.machine.speed_mps)
+        return float(abs(np.diff(loop.speeds)).max()) / FRAME_S
+
+    assert hardest(True) < 0.9 * hardest(False)
 
 
 def test_the_command_has_little_above_1_hz_with_a_noisy_sensor_too():

@@ -66,6 +66,15 @@ def test_engaging_lasts_until_the_speed_has_reached_the_setpoint():
     assert engagement.step(replace(READY, requested_mps=2.0)) is State.ENGAGED  # a new setpoint is no new take-over
 
 
+def test_overspeed_is_more_than_a_hill_adds_and_that_is_more_in_a_fast_gear():
+    for wished_mps, least_mps, most_mps in ((1.4, 0.28, 0.32), (2.2, 0.4, 0.5), (3.6, 0.8, 0.9)):
+        for over_mps in (least_mps, most_mps):
+            engagement = engaged()
+            engagement.setpoint_mps = wished_mps
+            now = replace(READY, reference_mps=wished_mps, speed_mps=wished_mps + over_mps)
+            assert (engagement.step(now) is State.FAULT) is (over_mps == most_mps)
+
+
 EXITS = {
     "unhealthy": ({"healthy": False}, State.FAULT, ExitReason.FUNCTION_FAULT),
     "operator_lost": ({"operator_present": False}, State.STANDBY, ExitReason.OPERATOR_LOST),

@@ -42,3 +42,18 @@ def test_a_shift_moves_the_disturbance_only():
     observer.shift(0.03)
     assert observer.disturbance_mps == pytest.approx(0.03)
     assert observer.speed_mps == 1.5
+
+
+def test_a_state_that_changed_by_itself_is_noticed_and_stays_so():
+    observer = DisturbanceObserver(FRAME_S, ObserverSettings())
+    observer.reset(1.5)
+    observer.shift(0.1)
+    observer.step(POLE, 1.4, 1.5)
+    assert not observer.upset
+    observer.disturbance_mps += 1e-9
+    assert observer.upset
+    observer.step(POLE, 1.4, 1.5)
+    observer.shift(0.1)
+    assert observer.upset
+    observer.reset(1.5)
+    assert not observer.upset

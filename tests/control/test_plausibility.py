@@ -18,11 +18,15 @@ TRUE = Seen(
     current_ma=800.0,
     engine_rpm=2100.0,
     commanded_ma=800.0,
-    reference_mps=1.5,
+    followed_mps=1.5,
     disturbance_mps=0.1,
+    innovation_mps=0.01,
+    alpha=1.0,
     crowding=1.0,
     faulty_share=0.0,
     imposters=0,
+    wavering=0,
+    upset=False,
     pace=1.0,
 )
 NOISE = {"ground_speed_mps": 0.015, "pump_current_ma": 1.0, "engine_speed_rpm": 2.0}
@@ -50,6 +54,8 @@ def found(lie: Lie, seconds: float = 3.0, noise: dict[str, float] = NOISE) -> tu
 
 LIES: dict[str, tuple[Lie, float]] = {
     "another node sends our messages": (lambda seen, s: replace(seen, imposters=1), 0.0),
+    "two setpoints take turns": (lambda seen, s: replace(seen, wavering=3), 0.0),
+    "the program's memory changed by itself": (lambda seen, s: replace(seen, upset=True), 0.0),
     "frames of a message come damaged or out of order": (lambda seen, s: replace(seen, faulty_share=0.6), 0.0),
     "a message has a second sender": (lambda seen, s: replace(seen, crowding=1.7), 0.0),
     "the program gets too little time": (lambda seen, s: replace(seen, pace=1.6), 0.0),
@@ -64,7 +70,8 @@ LIES: dict[str, tuple[Lie, float]] = {
     ),
     "the engine speed changes faster than it can": (lambda seen, s: replace(seen, engine_rpm=1900.0), 0.1),
     "current and speed do not fit the model": (lambda seen, s: replace(seen, disturbance_mps=-0.9), 0.3),
-    "the machine does not follow": (lambda seen, s: replace(seen, reference_mps=2.0), 1.0),
+    "the speed changes as no command did": (lambda seen, s: replace(seen, innovation_mps=-0.08), 0.15),
+    "the machine does not follow": (lambda seen, s: replace(seen, followed_mps=2.0), 1.0),
 }
 
 
@@ -105,14 +112,17 @@ HARMLESS: dict[str, Lie] = {
     ),
     "the radar alone is wrong": lambda seen, s: replace(seen, radar_mps=0.0),
     "the wheel alone is wrong": lambda seen, s: replace(seen, wheel_mps=0.0),
+    "the operator changes his mind and back": lambda seen, s: replace(seen, wavering=2),
     "a burst of frames": lambda seen, s: replace(seen, crowding=1.5),
     "the engine labours": lambda seen, s: replace(seen, engine_rpm=2100.0 - 300.0 * min(s, 1.0)),
-    "behind for a moment": lambda seen, s: replace(seen, reference_mps=2.5 if s < 0.9 else 1.5),
+    "a hill takes more of the speed in a fast gear": lambda seen, s: replace(seen, disturbance_mps=-1.0, alpha=0.33),
+    "the speed is noisy": lambda seen, s: replace(seen, innovation_mps=0.07),
+    "behind for a moment": lambda seen, s: replace(seen, followed_mps=2.5 if s < 0.9 else 1.5),
     "nothing is measured": lambda seen, s: replace(
         seen, speed_mps=math.nan, current_ma=math.nan, engine_rpm=math.nan, disturbance_mps=math.nan
     ),
     "somebody else drives, at another current": lambda seen, s: replace(
-        seen, commanded_ma=math.nan, reference_mps=math.nan, current_ma=500.0, crowding=3.0
+        seen, commanded_ma=math.nan, followed_mps=math.nan, current_ma=500.0, crowding=3.0
     ),
 }
 

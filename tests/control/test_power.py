@@ -1,4 +1,4 @@
-"""The guard gives way to an overloaded engine, comes back slowly, and does nothing without a measured load."""
+"""The guard gives way to an overloaded engine or line, comes back slowly, and does nothing without a measurement."""
 
 import math
 
@@ -9,11 +9,13 @@ from cruise.control.power import PowerGuard, PowerSettings
 FRAME_S = 0.05
 
 
-def run(guard: PowerGuard, load_pct: float, seconds: float, engine_rpm: float | None = None) -> float:
+def run(
+    guard: PowerGuard, load_pct: float, seconds: float, engine_rpm: float | None = None, bar: float = math.nan
+) -> float:
     found = math.nan
     rpm = engine_rpm or (1700.0 if load_pct > 96.0 else 2100.0)
     for _ in range(round(seconds / FRAME_S)):
-        found = guard.step(load_pct, rpm, 1.5, 1.6)
+        found = guard.step(load_pct, rpm, bar, 1.5, 1.6)
     return found
 
 
@@ -55,3 +57,15 @@ def test_an_engine_that_lugs_a_little_carries_on():
     run(guard, 80.0, 2.0)
     assert run(guard, 105.0, 10.0, 2000.0) == 1.6
     assert run(guard, 105.0, 3.0, 1800.0) < 1.5
+
+
+def test_an_open_relief_valve_holds_the_setpoint_at_the_speed_until_there_is_force_again():
+    guard = PowerGuard(PowerSettings(), FRAME_S)
+    assert run(guard, 50.0, 1.0, bar=375.0) == 1.6
+    assert run(guard, 50.0, 1.0, bar=400.0) == 1.5
+    assert guard.limiting
+    assert run(guard, 50.0, 1.0, bar=350.0) == 1.5
+    assert run(guard, 50.0, 1.0, bar=330.0) == 1.6
+    assert not guard.limiting
+    run(guard, 50.0, 1.0, bar=400.0)
+    assert run(guard, 50.0, 1.0) == 1.6

@@ -103,3 +103,12 @@ def test_a_broken_bound_is_no_dead_end():
 def test_a_trend_is_met_before_it_costs_speed():
     law = programme()
     assert law.solve(at_rest(trend_mps2=-0.1), np.ones(law.count), WIDE).wanted_mps > 1.005
+
+
+def test_a_tap_that_hardly_acts_is_not_driven_to_the_ends():
+    """What was sent already has broken the bound on jerk; a tap of a thousandth cannot mend that."""
+    response, delay = np.array([0.001, 0.75, 0.19, 0.059]), 12
+    law = Programme(0.8, response, delay, CommandShaper(2.0, 2, FRAME_S), FRAME_S, PredictiveSettings())
+    sent = np.array([1.2, 1.1, *[1.0] * (delay + len(response) - 2)])
+    found = law.solve(Now(1.0, sent, np.full(2, 1.2), 0.0, 0.0, 1.2), np.full(law.count, 1.2), Bounds(0.0, 2.4, 1.2))
+    assert found.wanted_mps == pytest.approx(1.2, abs=0.15)

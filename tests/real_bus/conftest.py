@@ -1,6 +1,7 @@
 """A bus of the kernel's, an independent end of it, and the service as a process of its own."""
 
 import contextlib
+import json
 import os
 import signal
 import socket
@@ -9,6 +10,7 @@ import sys
 import time
 import traceback
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
 from msgspec import structs
@@ -38,6 +40,10 @@ class Peer:
         self.socket = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
         self.socket.bind((BUS,))
 
+    def only(self, identifier: int, mask: int) -> None:
+        """Have the kernel keep everything else away."""
+        self.socket.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, struct.pack("=II", identifier, mask))
+
     def send(self, identifier: int, data: bytes = b"") -> None:
         self.socket.send(CAN_FRAME.pack(identifier, len(data), data.ljust(8, b"\0")))
 
@@ -53,6 +59,18 @@ class Peer:
             if wanted(identifier, data[:length]):
                 return identifier, data[:length]
         return None
+
+
+@pytest.fixture
+def note() -> Callable[[str, float], None]:
+    """Keep a figure for tools/bench, in the folder CRUISE_KEEP, where there is one."""
+
+    def note(name: str, value: float) -> None:
+        if folder := os.environ.get("CRUISE_KEEP"):
+            with (Path(folder) / "figures.jsonl").open("a", encoding="utf-8") as out:
+                out.write(json.dumps({name: value}) + "\n")
+
+    return note
 
 
 @pytest.fixture

@@ -41,8 +41,22 @@ def test_it_starts_pre_operational_and_a_master_starts_it(remote: canopen.Remote
     assert len(status[1]) == 7
 
 
+def test_nmt_stop_silences_it_but_for_the_heartbeat(remote: canopen.RemoteNode, peer: Peer):
+    def heartbeat(state: bytes) -> bool:
+        return peer.hear(lambda identifier, data: (identifier, data) == (0x700 + NODE, state), WAIT_S) is not None
+
+    remote.nmt.state = "STOPPED"
+    assert heartbeat(b"\x04")
+    assert peer.hear(lambda identifier, data: identifier == 0x180 + NODE, 0.5) is None
+    remote.nmt.state = "PRE-OPERATIONAL"
+    assert heartbeat(b"\x7f")
+
+
 def test_settings_parameters_and_statistics_are_read_by_sdo(remote: canopen.RemoteNode):
-    assert b"panel_node_id: 33" in remote.sdo.upload(SETTINGS, 0)
+    begin_s = time.monotonic()
+    text = remote.sdo.upload(SETTINGS, 0)
+    assert b"panel_node_id: 33" in text
+    assert time.monotonic() - begin_s < 0.02 * len(text) / 7, "segments of 7 bytes, not one in each tick of 50 ms"
     assert len(json.loads(remote.sdo.upload(LEARNED, 0))) > 3
     statistics = json.loads(remote.sdo.upload(STATISTICS, 0))
     assert (statistics["starts"], statistics["engaged_s"]) == (1, 0.0)

@@ -50,3 +50,20 @@ def test_exits(tmp_path: Path, active: list[bool | None], exits: int):
     assert box.ring.frames == sum(one is not None for one in active)
     frozen = [path for path in box.ring.segments() if path.name.startswith("exit")]
     assert bool(frozen) is (exits > 0)
+
+
+def test_a_full_disk_costs_frames_and_does_not_end_it(tmp_path: Path):
+    """The kernel's full device stands for it, and a folder for a segment that can't be opened; then there is room."""
+    sender = Codec.load(SETTINGS.database, structs.replace(SETTINGS.can, bus="virtual"))
+    box = BlackBox(sender, Ring(tmp_path, RingSettings(segment_s=1.0, after_s=0.0), "can0"))
+    (tmp_path / "log-0000002.log.gz").symlink_to("/dev/full")
+    (tmp_path / "log-0000003.log.gz").mkdir()
+    (tmp_path / "log-0000004.log.gz").symlink_to("/dev/full")
+    for k in range(80):
+        frame = sender.encode("PumpCurrentCommand", {"pump_current_command_ma": 1.0, "command_active": 1.0}, 0.1 * k)
+        box.receive(frame)
+        box.tick(0.1 * (k + 1))
+    assert "No space left on device" in box.problem
+    assert 0 < box.failures < 40
+    box.ring.close()
+    assert (tmp_path / "log-0000005.log.gz").stat().st_size > 50

@@ -73,3 +73,21 @@ def test_a_second_sender_shows_in_the_rate_and_a_late_burst_does_not():
     assert heard(sorted(steady + [time_s + 0.01 for time_s in steady])).crowding(3.95) > 1.6
     assert heard([max(time_s, 2.3) for time_s in steady[:9]]).crowding(2.8) < 1.6
     assert math.isnan(hearing().crowding(1.0))
+
+
+@pytest.mark.parametrize(
+    ("words", "times"),
+    [
+        ([1.0] * 8, 0),
+        ([1.0, 1.1, 1.2, 1.3, 1.2, 1.1, 1.0], 1),  # there and back
+        ([1.0, 1.001] * 4, 0),  # a knob between two of its steps
+        ([1.0, 2.0] * 4, 6),
+        ([1.0, math.nan] * 4, 0),
+    ],
+)
+def test_a_setpoint_that_goes_back_and_forth_is_counted(words, times):
+    ears, sender = hearing(), codec()
+    for k, word in enumerate(words):
+        ears.take(sender.encode("MachineSelectedSpeedCommand", {"setpoint_mps": word}, 0.1 * k))
+    assert ears.wavering(0.1 * len(words)) == times
+    assert ears.wavering(5.0) == 0

@@ -13,6 +13,7 @@ from cruise.control.engagement import State
 from tools.faults import clean, scores, trial
 from tools.faults.__main__ import app, plans
 from tools.faults.bed import Bed, Fault
+from tools.faults.insides import FullDisk
 from tools.faults.manoeuvres import manoeuvre
 from tools.faults.table import FAULTS
 from tools.faults.trial import Outcome, Plan
@@ -41,7 +42,9 @@ SELECTION = {  # fault, and what has to become of it; the seeds are such that it
     "frames cut off": "",
     "bus-off of the service": "",
     "drive feedback forged, CRC known": "",
-    "setpoint inserted": "a message has a second sender",
+    "setpoint inserted": "two setpoints take turns",
+    "pump worn": "the speed changes as no command did",
+    "disturbance upset": "the program's memory changed by itself",
     "command forged": "another node sends our messages",
     "speed zero": "",
     "speed stuck": "a sensor is frozen",
@@ -49,7 +52,6 @@ SELECTION = {  # fault, and what has to become of it; the seeds are such that it
     "engine speed noisy": "a sensor is too noisy",
     "gear not available": "lost: gear",
     "clock steps back": "unhealthy",
-    "disk full": "OSError: [Errno 28] No space left on device",
     "processor starved": "",
 }
 
@@ -66,6 +68,40 @@ def test_a_fault_is_noticed(fault):
 def _is_heavy(plan: Plan) -> bool:
     """While cruise drives, and for good."""
     return plan.from_s > manoeuvre(plan.seed).engage_s + 2.0 and math.isinf(plan.to_s)
+
+
+def test_a_full_disk_ends_nothing():
+    plan = next(plan for seed in range(99) if _is_heavy(plan := Plan.of(FAULTS["disk full"], seed)))
+    bed = trial.driven(plan)
+    assert trial.judge(plan, bed).verdict == "harmless"
+    assert isinstance(bed.fault, FullDisk)
+    assert "No space left on device" in bed.fault.box.problem
+    assert "No space left on device" in bed.fault.keeper.problem
+
+
+def test_what_another_node_commands_is_no_command_of_the_service():
+    plan = Plan(FAULTS["command forged"], 1, 3.0, math.inf)  # before the operator engages
+    bed = trial.driven(plan)
+    assert bed.combine_node.driven_by_cruise
+    assert not any(row.obeyed for row in bed.rows)
+    assert trial.judge(plan, bed).verdict == "refused"
+
+
+def test_a_fault_that_does_no_more_than_the_drive_without_it_is_harmless(monkeypatch: pytest.MonkeyPatch):
+    plan = Plan(FAULTS["slope lies"], 2, 9.0, math.inf)
+    bed = trial.driven(plan)
+    monkeypatch.setattr(trial, "ACCEL_MPS2", 1e-3)
+    assert trial.judge(plan, bed).verdict == "harmless"
+    monkeypatch.setattr(trial, "_harm_without", lambda plan: (0.0, 0.0))
+    assert trial.judge(plan, bed).verdict == "silent"
+
+
+def test_fourth_gear_is_the_roads():
+    for seed in range(60):
+        field = manoeuvre(seed).field
+        road = field[0].gear == 4
+        assert all(not row.crop_power_kw for row in field) or not road
+        assert all((row.rolling_resistance or 0.0) <= 0.055 for row in field) or not road
 
 
 def test_a_parameter_file_that_is_cut_off_is_no_start():
@@ -153,3 +189,11 @@ def test_the_command_line_prints_json_and_fails_where_a_trial_does(monkeypatch: 
     code, printed = run(["--count", "1", "--faults", "speed stuck", "--json"])
     assert code == 1
     assert printed["figures"]["silent"]["value"] == 1
+
+
+def test_a_machine_that_slows_down_sooner_than_the_reference_is_not_behind():
+    bed = Bed(manoeuvre(3)).run(9.0)
+    node = bed.node
+    node.engagement.setpoint_mps = 0.5
+    assert node.controller.past_references[0] > 0.6
+    assert node._seen(node._frame(9.05)).followed_mps == 0.5

@@ -1,4 +1,4 @@
-"""What surrounds the virtual machine: what is said where it can't be had, modules in order, the command as it was."""
+"""What surrounds the virtual machine: what is said where it can't be had, what it is made of, the command as it was."""
 
 import os
 import shutil
@@ -12,36 +12,33 @@ from tools.vcan import debian, machine
 ROOT = Path(__file__).parents[2]
 
 
-def test_a_machine_without_qemu_and_without_root_is_told_what_is_missing(tmp_path: Path, monkeypatch):
+def test_a_machine_without_debian_is_told_what_is_missing(tmp_path: Path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setattr(shutil, "which", lambda name: None)
-    monkeypatch.setattr(os, "geteuid", lambda: 1000)
-    with pytest.raises(debian.UnavailableError, match=r"qemu-system-x86_64 is not installed.*by hand"):
-        debian.parts(lambda line: None)
-
-
-def test_a_machine_with_qemu_but_without_debian_is_told_too(tmp_path: Path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setattr(shutil, "which", lambda name: name if name == debian.QEMU else None)
     with pytest.raises(debian.UnavailableError, match="apt-get and dpkg-deb"):
         debian.parts(lambda line: None)
 
 
-def test_modules_come_after_what_they_need_and_once(tmp_path: Path):
-    folder = tmp_path / "lib/modules/6.1"
-    folder.mkdir(parents=True)
-    (folder / "modules.dep").write_text(
-        "kernel/can-j1939.ko: kernel/can.ko\n"
-        "kernel/can.ko:\n"
-        "kernel/9pnet_virtio.ko: kernel/virtio_ring.ko kernel/9pnet.ko\n"
-        "kernel/9pnet.ko:\n"
-        "kernel/virtio_ring.ko: kernel/virtio.ko\n"
-        "kernel/virtio.ko:\n"
-        "kernel/sound.ko:\n"
-        "kernel/can-raw.ko: kernel/can.ko\n"
-    )
-    order = [path.stem for path in debian._ordered(tmp_path, Path("vmlinuz-6.1"))]
-    assert order == ["virtio", "virtio_ring", "9pnet", "9pnet_virtio", "can", "can-raw", "can-j1939"]
+def test_what_apt_says_is_passed_on_and_nothing_half_fetched_is_kept(tmp_path: Path, monkeypatch):
+    for name in ("apt-get", "dpkg-deb"):
+        (tmp_path / name).write_text("#!/bin/sh\necho 'E: Unable to locate package' >&2; exit 100\n")
+        (tmp_path / name).chmod(0o755)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+    with pytest.raises(debian.UnavailableError, match=r"apt-get .* failed: E: Unable to locate package"):
+        debian.parts(lambda line: None)
+    assert [path.name for path in (tmp_path / "cruise-vcan").iterdir()] == ["lock"]
+
+
+def test_the_parts_are_where_the_packages_have_them_whatever_their_version(tmp_path: Path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    (tmp_path / "cruise-vcan/unpacked/usr/lib/uml/modules/6.1.999").mkdir(parents=True)
+    parts = debian.parts(lambda line: None)
+    assert parts.kernel == tmp_path / "cruise-vcan/unpacked/usr/bin/linux.uml"
+    names = [path.stem for path in parts.modules]
+    assert names.index("can") < names.index("can-raw") < names.index("can-j1939")
+    assert names.index("can-dev") < names.index("vcan")
+    assert all("6.1.999/kernel" in str(path) for path in parts.modules)
 
 
 def test_the_command_runs_where_and_as_it_was_given(tmp_path: Path, monkeypatch):

@@ -109,9 +109,9 @@ class Row:
     state: State
     speed_mps: float  # true
     accel_mps2: float  # true, mean over the period
-    allowed_mps: float  # what the operator asked for, as a machine can follow it
+    allowed_mps: float  # what the operator asked for, as a machine can follow it; NaN while another commands
     command_ma: float
-    obeyed: bool  # the machine does what the command says
+    obeyed: bool  # the machine does what a command of the service says
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,6 +192,7 @@ class Bed:
                 self._write(now_s)
                 if self.exit is not None and now_s > self.exit.time_s + after_s:
                     break
+        self._come_and_go(False)
         return self
 
     def _come_and_go(self, there: bool) -> None:
@@ -234,7 +235,8 @@ class Bed:
     def _write(self, now_s: float) -> None:
         speed_mps = self.machine.truth.ground_speed_mps
         accel_mps2, self._speed_mps = (speed_mps - self._speed_mps) / 0.05, speed_mps
-        obeyed = self.combine_node.driven_by_cruise
+        commanded = self.combine_node.driven_by_cruise
+        obeyed = commanded and bool(self.commands) and self.commands[-1][1]
         if obeyed and self.reference is None:
             self.reference = Reference(ReferenceSettings())
             self.reference.reset(speed_mps)
@@ -242,7 +244,7 @@ class Bed:
         if self.reference is not None:
             asked_mps = self.manoeuvre.setpoint_mps(now_s)
             self.wished.append(max(self.reference.step(asked_mps, 0.05), asked_mps))
-            allowed_mps = max(self.wished)
+            allowed_mps = max(self.wished) if obeyed or not commanded else math.nan
         current_ma = self.commands[-1][2] if self.commands else 0.0
         last = self.rows[-1] if self.rows else None
         state = self.node.engagement.state

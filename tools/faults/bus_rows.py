@@ -124,7 +124,7 @@ BUS: Final = (
     FaultRow(
         "setpoint inserted",
         "another beside the panel's",
-        RATE,
+        f"{RATE}; two that take turns",
         lambda r: traffic.Forged("MachineSelectedSpeedCommand", {"setpoint_mps": r.uniform(0.5, 5.0)}),
     ),
     FaultRow(

@@ -11,14 +11,17 @@ import msgspec
 import numpy as np
 
 from cruise.can.frame import Frame
-from cruise.can.log import LogWriter
+from cruise.can.ring import Ring, RingSettings
 from cruise.model import files
 from cruise.model.model import Model
 from cruise.plant import Inputs
+from cruise.service.black_box import BlackBox
+from cruise.service.chronicle import Chronicle
 from cruise.service.cruise_node import CruiseNode
+from cruise.service.persistence import Keeper, PersistenceSettings, StateFile, fingerprint
 from cruise.settings import SettingsError
 
-from .bed import Bed, Fault, codec, cruise_settings, factory_model, plant_settings
+from .bed import Bed, Fault, Wire, codec, cruise_settings, factory_model, plant_settings
 
 
 class Current(Fault):
@@ -112,18 +115,40 @@ class Stamps(Fault):
 
 
 class FullDisk(Fault):
-    """The service's own process writes a log, and the disk has no room."""
+    """What is kept of the machine, and a recorder beside it, are written to a disk that has no room.
+
+    The kernel's own full device stands for the disk; what it answers ends the service where nobody takes it.
+    """
 
     def begin(self, bed: Bed) -> None:
-        """The kernel's own full device stands for the disk; what the system answers ends the process."""
-        with TemporaryDirectory() as folder:
-            path = Path(folder) / "drive.log"
-            path.symlink_to("/dev/full")
-            try:
-                with LogWriter.create(path) as log:
-                    log.write(Frame(bed.wire.now_s, 1, data=bytes(8)))
-            except OSError as error:
-                bed.died = f"{type(error).__name__}: {error}"
+        """Chronicle and black box as `cruise run` and `cruise record --ring` have them."""
+        self.folder = TemporaryDirectory()
+        place = Path(self.folder.name)
+        kept = PersistenceSettings(machine="1", folder=str(place), every_s=0.2)
+        self.keeper = Keeper(StateFile(place / "state", kept.machine, fingerprint(bed.node.estimator.factory)))
+        self.chronicle = Chronicle(bed.node, kept, None, self.keeper)
+        self.box = BlackBox(codec(), Ring(place, RingSettings(segment_s=0.5), "can0"))
+        for name in ("state.new", *(f"log-{number:07}.log.gz" for number in range(2, 100))):
+            (place / name).symlink_to("/dev/full")
+
+    def turn(self, bed: Bed, now_s: float) -> bool:
+        """Both get their turn, as they do in their loops."""
+        try:
+            self.chronicle.step(now_s)
+            self.box.tick(now_s)
+        except (OSError, ValueError) as error:
+            bed.died = f"{type(error).__name__}: {error}"
+        return not bed.died
+
+    def frame(self, sender: str, message: str, frame: Frame, wire: Wire) -> bool:
+        """The recorder hears all."""
+        self.box.receive(frame)
+        return True
+
+    def end(self, bed: Bed) -> None:
+        """There is room again."""
+        self.keeper.close()
+        self.folder.cleanup()
 
 
 class ModelFile(Fault):

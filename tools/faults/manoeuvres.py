@@ -1,4 +1,8 @@
-"""Random manoeuvres: an approach by hand, a press of `resume`, and what field and operator do while cruise drives."""
+"""Random manoeuvres: an approach by hand, a press of `resume`, and what field and operator do while cruise drives.
+
+Fourth gear is the road's: nothing is harvested, the ground is firm, slopes are longer. On soft soil uphill it could not
+move the machine at all: the relief valve opens.
+"""
 
 from dataclasses import dataclass
 from random import Random
@@ -12,6 +16,8 @@ from cruise.service.course import FieldRow, OperatorRow, value_at
 SECONDS: Final = 22.0  # s of one trial
 USUAL_MPS: Final = {1: 0.75, 2: 1.25, 3: 2.1, 4: 3.6}  # at half a lever
 GEARS: Final = (1, 2, 2, 2, 2, 3, 3, 4)  # harvesting is done in second
+ROAD_GEAR: Final = 4
+LONGER: Final = 3.0  # a road's slopes
 
 
 @dataclass(frozen=True)
@@ -70,4 +76,17 @@ def manoeuvre(seed: int, seconds: float = SECONDS) -> Manoeuvre:
                 )
             )
         )
-    return Manoeuvre(seed, tuple(field), tuple(operator), engage_s, rng.choice((0.0, 0.0, 0.5)), seconds)
+    undulation_deg = rng.choice((0.0, 0.0, 0.5))
+    if gear == ROAD_GEAR:
+        field = [_on_road(row) for row in field]
+    return Manoeuvre(seed, tuple(field), tuple(operator), engage_s, undulation_deg, seconds)
+
+
+def _on_road(row: FieldRow) -> FieldRow:
+    resistance, power_kw = row.rolling_resistance, row.crop_power_kw
+    return msgspec.structs.replace(
+        row,
+        over_s=row.over_s * (LONGER if row.grade_deg is not None else 1.0),
+        rolling_resistance=None if resistance is None else 0.4 * resistance + 0.01,  # 0.02 to 0.05
+        crop_power_kw=None if power_kw is None else 0.0,
+    )

@@ -51,7 +51,7 @@ def figures(outcomes: Sequence[Outcome]) -> list[Figure]:
     detected = [one for one in outcomes if one.verdict == "detected"]
     unrevealed = [one for one in outcomes if one.verdict == "harmless"]
     bounded = [one for one in outcomes if one.verdict == "bounded"]
-    slowness = [one.silence_s / one.allowed_s for one in outcomes if math.isfinite(one.silence_s)]
+    slowness = [round(one.silence_s / one.allowed_s, 6) for one in outcomes if math.isfinite(one.silence_s)]
     late = sum(one.overspeed_mps > OVERSPEED_MPS or one.accel_mps2 > ACCEL_MPS2 for one in detected)
     found = [
         Figure("faults", len({one.fault for one in outcomes}), "1", "faults", at_least=LEAST_FAULTS),

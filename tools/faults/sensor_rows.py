@@ -63,7 +63,14 @@ SENSORS: Final = (
     FaultRow(
         "engine speed lies", "times or over 1.03 to 2", f"inertia; {MODEL}", lambda r: lies.scaled(ENGINE, r, 1.03, 2.0)
     ),
-    FaultRow("engine speed drifting", "by 10 to 200 rpm/s", MODEL, lambda r: lies.drifting(ENGINE, r, 10.0, 200.0)),
+    # Nothing else measures it, and a slow drift is taken for a machine that becomes faster or slower.
+    FaultRow(
+        "engine speed drifting",
+        "by 10 to 200 rpm/s",
+        f"{MODEL}, or {NONE}",
+        lambda r: lies.drifting(ENGINE, r, 10.0, 200.0),
+        bounded=True,
+    ),
     FaultRow("engine speed noisy", "5 to 200 rpm", "its own noise", lambda r: lies.noisy(ENGINE, r, 5.0, 200.0)),
     FaultRow("gear lies", "any gear, at any time", f"no shift without clutch; {MODEL}", _gear),
     FaultRow(

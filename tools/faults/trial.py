@@ -2,8 +2,9 @@
 
 Detected: cruise lets go, or does not take over, while the fault is there or for a while after it. Harmless: until the
 end the true speed stays within 0.3 m/s of what the operator asked for, as a machine can follow it, and the true
-acceleration within 1.5 m/s2 while cruise commands. After an exit no command may be active. A fault that is neither is
-a silent failure.
+acceleration within 1.5 m/s2 while the machine does what a command of cruise says, or neither is more than the same
+drive shows without the fault (a hill in a fast gear). After an exit no command may be active. A fault that is neither
+is a silent failure.
 """
 
 import math
@@ -104,6 +105,9 @@ def judge(plan: Plan, bed: Bed) -> Outcome:
     overspeed_mps, accel_mps2 = _harm([row for row in bed.rows if row.time_s >= plan.from_s])
     how = exited.how if exited is not None else bed.died or bed.node.engagement.refused
     harmless = overspeed_mps <= OVERSPEED_MPS and accel_mps2 <= ACCEL_MPS2
+    if not harmless and took_over and not within:
+        usual_mps, usual_mps2 = _harm_without(plan)
+        harmless = overspeed_mps <= max(OVERSPEED_MPS, usual_mps) and accel_mps2 <= max(ACCEL_MPS2, usual_mps2)
     if not took_over:
         verdict = "refused" if plan.from_s <= manoeuvre(plan.seed).engage_s else "silent"
     elif within:
@@ -121,6 +125,12 @@ def judge(plan: Plan, bed: Bed) -> Outcome:
         plan.row.name, plan.seed, plan.from_s, plan.to_s, verdict, how, exit_s - plan.from_s if within else math.nan,
         silence_s, overspeed_mps, accel_mps2, active_after,
     )  # fmt: skip
+
+
+def _harm_without(plan: Plan) -> tuple[float, float]:
+    """The same of the same drive without the fault."""
+    bed = Bed(manoeuvre(plan.seed)).run(SECONDS)
+    return _harm([row for row in bed.rows if row.time_s >= plan.from_s])
 
 
 def _harm(rows: list[Row]) -> tuple[float, float]:

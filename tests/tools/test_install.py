@@ -1,0 +1,51 @@
+"""tools/install and tools/uninstall on a folder: what is refused, what is taken away and what stays."""
+
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+SETTINGS, LEARNED, BOX = (
+    "etc/cruise/cruise.yaml",
+    "var/lib/private/cruise/state",
+    "var/lib/cruise-recorder/log-1.log.gz",
+)
+PROGRAM, UNIT, OTHER = "opt/cruise/bin/cruise", "etc/systemd/system/cruise.service", "etc/systemd/system/other.service"
+
+
+@pytest.fixture
+def installed(tmp_path: Path) -> Path:
+    for name in (SETTINGS, LEARNED, BOX, PROGRAM, UNIT, OTHER):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).touch()
+    return tmp_path
+
+
+def left(root: Path) -> set[str]:
+    return {str(path.relative_to(root)) for path in root.rglob("*") if path.is_file()}
+
+
+def uninstall(*words: str) -> None:
+    subprocess.run([str(ROOT / "tools/uninstall"), *words], check=True, capture_output=True)
+
+
+def test_settings_and_what_was_learned_stay(installed: Path):
+    uninstall("--root", str(installed))
+    assert left(installed) == {SETTINGS, LEARNED, BOX, OTHER}
+
+
+def test_purge_takes_these_too_and_nothing_else(installed: Path):
+    uninstall("--root", str(installed), "--purge")
+    assert left(installed) == {OTHER}
+
+
+@pytest.mark.parametrize("tool", ["install", "uninstall"])
+@pytest.mark.parametrize("words", [["--prefix", "/x"], ["--root"], ["/x"]])
+def test_what_is_not_understood_changes_nothing(tool: str, words: list[str], tmp_path: Path):
+    ran = subprocess.run(
+        [str(ROOT / "tools" / tool), *words], capture_output=True, text=True, check=False, cwd=tmp_path
+    )
+    assert ran.returncode != 0
+    assert "--root" in ran.stderr
+    assert left(tmp_path) == set()

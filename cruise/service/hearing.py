@@ -23,6 +23,9 @@ COUNT_S: Final = 1.0  # s over which the frames of a message are counted
 MOST: Final = 1000  # frames that are counted of a message: a flood must not fill the memory
 FEW: Final = 1.0  # frame that a count may be off by
 SETPOINT: Final = "setpoint_mps"
+ENGAGING: Final = frozenset({"cruise_set", "cruise_resume"})
+"""Buttons whose change two frames in a row have to report: their message has no checksum. No flipped bit may engage,
+neither as a press nor as a release of a button that is still held."""
 APART_MPS: Final = 0.05  # m/s, by which two panels differ; a knob between two of its steps wavers by less
 
 
@@ -38,6 +41,7 @@ class Hearing:
         self.imposters = 0  # intact frames of our own messages, since the start
         self.damaged = {name: deque([False] * LAST_FRAMES, maxlen=LAST_FRAMES) for name in PROTECTED}
         self.arrivals: dict[str, deque[float]] = {}
+        self.pressed = dict.fromkeys(ENGAGING, 0.0)  # as the last frame has it
         self.words: deque[float] = deque(maxlen=3)  # the last setpoints
         self.wavered: deque[float] = deque(maxlen=MOST)  # when the setpoint went back to the one before
         self.usual: dict[str, int] = {}  # frames of each message in the last second before the controller took over
@@ -57,6 +61,12 @@ class Hearing:
                 self._hear_word(reading)
             if reading.name == OUTPUT and decoded.message != FAST_MESSAGE:
                 self.latest[RADAR] = (reading.time_s, reading.value)
+            elif reading.name in ENGAGING:
+                _, held = self.latest.get(reading.name, (0.0, 0.0))
+                sure = reading.value == self.pressed[reading.name]
+                self.latest[reading.name] = (reading.time_s, reading.value if sure else held)
+                self.pressed[reading.name] = reading.value
+                kept.append(reading)
             elif reading.name != INPUT or decoded.message == FAST_MESSAGE:
                 self.latest[reading.name] = (reading.time_s, reading.value)
                 kept.append(reading)

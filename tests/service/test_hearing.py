@@ -91,3 +91,14 @@ def test_a_setpoint_that_goes_back_and_forth_is_counted(words, times):
         ears.take(sender.encode("MachineSelectedSpeedCommand", {"setpoint_mps": word}, 0.1 * k))
     assert ears.wavering(0.1 * len(words)) == times
     assert ears.wavering(5.0) == 0
+
+
+@pytest.mark.parametrize("button", ["cruise_set", "cruise_resume"])
+def test_one_frame_alone_neither_presses_nor_lets_go_a_button_that_engages(button):
+    ears, heard = hearing(), []
+    for number, pressed in enumerate((0, 1, 0, 1, 1, 0, 1, 1, 0, 0)):
+        now_s = 1.0 + 0.1 * number
+        ears.take(codec().encode("CCVS", {button: float(pressed), "brake_pedal": float(pressed)}, now_s))
+        heard.append(ears.value(button, now_s))
+        assert ears.value("brake_pedal", now_s) == pressed  # what ends it acts at once
+    assert heard == [0, 0, 0, 0, 1, 1, 1, 1, 1, 0]

@@ -11,7 +11,7 @@ from cruise.can.codec import Codec
 from cruise.can.log import LogError, LogWriter
 from cruise.can.ring import Ring, RingSettings
 from cruise.cli.places import CONFIG
-from cruise.cli.run import Running
+from cruise.cli.run import Running, say
 from cruise.service import settings as service_settings
 from cruise.service.black_box import BlackBox
 from cruise.service.loop import Ear, Node, serve
@@ -42,14 +42,15 @@ def record(
 
 def _ring(settings: CruiseSettings, folder: Path, kept: RingSettings, seconds: float) -> None:
     notifier = Notifier.of()
-    box = BlackBox(Codec.load(settings.database, settings.can), Ring(folder, kept, settings.can.channel))
+    box = BlackBox(Codec.load(settings.database, settings.can), Ring(folder, kept, settings.can.channel), say)
     with PatientBus(settings.can.channel, lambda: open_bus(settings.can)) as bus:
         notifier.ready()
         try:
             _listen(box, bus, seconds, notifier.alive)
         finally:
-            box.ring.close()
-    print(f"{box.ring.frames} frames in {folder}, {box.exits} exits")
+            box.close()
+    lost = f"; {box.failures} could not be written" if box.failures else ""
+    print(f"{box.ring.frames} frames in {folder}, {box.exits} exits{lost}")
 
 
 def _listen(node: Node, bus: Bus, seconds: float, each_tick: Callable[[float], None] = lambda now_s: None) -> None:

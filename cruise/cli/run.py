@@ -47,7 +47,7 @@ def run(
     settings, running, notifier = service_settings.load(config), Running(), Notifier.of()
     changes = None  # by SDO; at first those that are stored
     while True:
-        daemon = Daemon(settings, notifier, _say, changes, running.again)
+        daemon = Daemon(settings, notifier, say, changes, running.again)
         can = settings.can
         print(f"cruise: on {can.bus} {can.channel}, command every {daemon.node.period_s} s", flush=True)
         daemon.run(running, (lambda now_s: None) if quiet else Lines(daemon.node))
@@ -68,7 +68,8 @@ def run(
     notifier.tell("STOPPING=1")
 
 
-def _say(line: str) -> None:
+def say(line: str) -> None:
+    """Write a line for the log."""
     print(f"cruise: {line}", file=sys.stderr, flush=True)
 
 

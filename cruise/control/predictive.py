@@ -27,9 +27,7 @@ from cruise.settings import Positive
 _FREE, _SOFT = 0, 8  # DAQP's "sense" of a constraint
 GROWTH: Final = 1.45  # of the blocks over which the wanted drive is constant, from one to the next
 ROWS_S: Final = 0.1  # s between two bounds on acceleration, jerk and rate
-FELT: Final = (
-    0.1  # share of the response from which on a bound is a row: what acts with less would be driven to its ends
-)
+FELT: Final = 0.1  # share of the response from which on a bound is a row: with less the command would swing at its rate
 
 
 class PredictiveSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

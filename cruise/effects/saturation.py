@@ -17,6 +17,7 @@ from cruise.signals import Signals
 
 GREATEST_MA: Final = 2000.0  # mA, more than any coil of this class takes
 SHARP_MA: Final = 0.5  # mA, a knee below which it is a corner
+ROUNDED_MA: Final = 1e-9  # mA, a difference that rounding makes
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,18 +55,15 @@ class Saturation(Effect):
 
     def inverse(self, value: float, signals: Signals, state: State) -> Inverse:
         """The current that gives the value; everything beyond full stroke at full stroke; refused for more."""
-        stop_ma = self.full_stroke_ma
-        soft = stop_ma < GREATEST_MA and self.knee_ma >= SHARP_MA
-        if soft:
-            stop_ma += softplus(-stop_ma, self.knee_ma)
-        if abs(value) > stop_ma:
+        soft = self.full_stroke_ma < GREATEST_MA and self.knee_ma >= SHARP_MA
+        stop_ma = self.full_stroke_ma + (softplus(-self.full_stroke_ma, self.knee_ma) if soft else 0.0)
+        short_ma = stop_ma - abs(value)
+        if short_ma < -ROUNDED_MA:
             return Inverse(math.nan, math.nan, refused=f"{value:.0f} mA is beyond the stop at {stop_ma:.0f} mA")
-        if abs(value) == stop_ma:
-            return Inverse(value, GREATEST_MA) if value > 0.0 else Inverse(-GREATEST_MA, value)
-        if not soft:
-            return Inverse(value, value)
-        width_ma = self.knee_ma
-        short_ma = abs(value) - softplus(-self.full_stroke_ma, width_ma)
-        current_ma = short_ma - width_ma * math.log(-math.expm1((short_ma - self.full_stroke_ma) / width_ma))
-        current_ma = math.copysign(min(current_ma, GREATEST_MA), value)
-        return Inverse(current_ma, current_ma)
+        low_ma = abs(value)
+        if soft:
+            short_ma = max(short_ma, ROUNDED_MA)
+            knee_ma = self.knee_ma * math.log(-math.expm1(-short_ma / self.knee_ma))
+            low_ma = min(self.full_stroke_ma - short_ma - knee_ma, GREATEST_MA)
+        high_ma = GREATEST_MA if short_ma <= ROUNDED_MA else low_ma
+        return Inverse(low_ma, high_ma) if value > 0.0 else Inverse(-high_ma, -low_ma)

@@ -44,10 +44,11 @@ def sentence(found: Diagnosis) -> str:
                     f"foretells it{rival} {sure}."
                 )
             if not found.explained:
+                by = f"most of it by {_all(found.signals)}" if found.signals else "by no one signal"
                 return (
                     f"Something is missing that is none of the effects that cruise knows: the recordings foretell "
                     f"{figure(math.sqrt(found.hidden.loss))} m/s RMS of the error {horizon}, {before} m/s, with a "
-                    f"little of every known effect beside it, most of it by {_all(found.signals)}{rival} {sure}."
+                    f"little of every known effect beside it, {by}{rival} {sure}."
                 )
             if found.unrecorded:
                 return (

@@ -1,6 +1,6 @@
 """The recorder of the machine: it listens to the bus, keeps the last hours, and freezes what is around an exit.
 
-A disk that is full, or gone, costs frames and nothing else: it is tried again with the next one.
+A disk that is full, or gone, costs frames and nothing else: it is said, and tried again with the next one.
 """
 
 from collections.abc import Callable
@@ -14,12 +14,13 @@ SILENCE_S = 0.3  # s without a command, after which the cruise control is gone; 
 
 
 class BlackBox:
-    """A node that only listens. An exit is the end of active commands, told or by silence."""
+    """A node that only listens; `say` takes lines for the log. An exit is the end of active commands, told or not."""
 
     period_s = 0.1
 
-    def __init__(self, codec: Codec, ring: Ring) -> None:
+    def __init__(self, codec: Codec, ring: Ring, say: Callable[[str], None]) -> None:
         self.codec = codec
+        self._say = say
         self.ring = ring
         self.exits = 0
         self.failures = 0  # of writing, since the start
@@ -48,6 +49,10 @@ class BlackBox:
             self._exit()
         return []
 
+    def close(self) -> None:
+        """Write down what is left."""
+        self._try(self.ring.close)
+
     def _exit(self) -> None:
         self.exits += 1
         self._try(lambda: self.ring.freeze(self._now_s))
@@ -57,4 +62,7 @@ class BlackBox:
             act()
         except (OSError, ValueError) as error:  # ValueError: a segment that could not be opened is closed
             self.failures += 1
-            self.problem = f"{self.ring.folder}: cannot be written: {error}"
+            problem = f"{self.ring.folder}: cannot be written: {error}"
+            if problem != self.problem:  # once, and not with every frame
+                self._say(problem)
+            self.problem = problem

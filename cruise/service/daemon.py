@@ -79,7 +79,7 @@ class Daemon:
             self.chronicle = Chronicle(self.node, settings.persistence, state, keeper)
         self.bus = PatientBus(settings.can.channel, lambda: open_bus(settings.can, filters=self._filters()))
         self._health = self.bus.health
-        self._state = ""
+        self._state = self._problem = ""
         if self.node.canopen is not None:
             self.node.canopen.describe(self._texts())
 
@@ -117,6 +117,9 @@ class Daemon:
             self.notifier.tell(f"STATUS={self._state}")
         if self.chronicle is not None:
             self.chronicle.step(now_s)
+        if self._keeper is not None and self._keeper.problem != self._problem:
+            self._problem = self._keeper.problem
+            self.say(self._problem or "what is kept can be written again")
         self.notifier.alive(now_s)
 
     def _texts(self) -> NodeTexts:

@@ -63,7 +63,8 @@ class Hearing:
                 self.latest[RADAR] = (reading.time_s, reading.value)
             elif reading.name in ENGAGING:
                 _, held = self.latest.get(reading.name, (0.0, 0.0))
-                sure = reading.value == self.pressed[reading.name]
+                before = self.pressed[reading.name]
+                sure = reading.value == before or (math.isnan(reading.value) and math.isnan(before))
                 self.latest[reading.name] = (reading.time_s, reading.value if sure else held)
                 self.pressed[reading.name] = reading.value
                 kept.append(reading)

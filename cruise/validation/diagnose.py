@@ -83,7 +83,8 @@ class Diagnosis:
     @property
     def untold(self) -> bool:
         """Whether nothing recorded shows what is missing: the error is far above the noise, nothing foretells it."""
-        return self.verdict is Verdict.UNLISTED and not self.signals
+        silent = excess(self.hidden, self.base, self.final) <= 1.0
+        return self.verdict is Verdict.UNLISTED and not self.explained and silent
 
 
 def diagnose(study: Study, show: Show = lambda text: None) -> Diagnosis:

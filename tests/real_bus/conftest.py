@@ -6,7 +6,6 @@ import os
 import signal
 import socket
 import struct
-import sys
 import time
 import traceback
 from collections.abc import Callable, Iterator
@@ -15,16 +14,14 @@ from pathlib import Path
 import pytest
 from msgspec import structs
 
-sys.modules.setdefault("asammdf", None)  # pyright: ignore[reportArgumentType]  # as installed: without the extras
-
-from cruise.can.node import CanopenSettings  # noqa: E402
-from cruise.cli.places import CONFIG  # noqa: E402
-from cruise.cli.run import Running  # noqa: E402
-from cruise.service import settings as service_settings  # noqa: E402
-from cruise.service.daemon import Daemon  # noqa: E402
-from cruise.service.notify import Notifier  # noqa: E402
-from cruise.service.persistence import PersistenceSettings  # noqa: E402
-from cruise.service.settings import CruiseSettings  # noqa: E402
+from cruise.can.node import CanopenSettings
+from cruise.cli.places import CONFIG
+from cruise.cli.run import Running
+from cruise.service import settings as service_settings
+from cruise.service.daemon import Daemon
+from cruise.service.notify import Notifier
+from cruise.service.persistence import PersistenceSettings
+from cruise.service.settings import CruiseSettings
 
 BUS = os.environ.get("CRUISE_VCAN", "")
 collect_ignore_glob = [] if BUS else ["test_*.py"]  # tests/test_real_bus.py runs them where the bus is

@@ -15,6 +15,7 @@ from tools.vcan.players import Process
 NEUTRAL_WITHIN_S = 0.3  # of whatever happened
 BY_WORD_WITHIN_S = 0.12  # a command says so: sooner than the time-out of 0.2 s since the last one could
 ENGAGE_S = 6.0  # s from the beginning to the operator's `set`
+PATIENCE_S = 2.0  # s until he presses it again: one press may be refused on a machine that is late
 SEED = 7
 
 
@@ -28,7 +29,7 @@ class Scene:
 
     def until_driven(self) -> None:
         """Wait until the cruise control has driven for a while. Raises AssertionError."""
-        self.sleep_until(self.begin_s + ENGAGE_S + 2.0)
+        self.sleep_until(self.begin_s + ENGAGE_S + PATIENCE_S + 2.0)
         driven = self.driven_s()
         assert len(driven), "the cruise control never drove"
         assert driven[0] > self.begin_s + ENGAGE_S - 0.1, "it engaged by itself"
@@ -47,8 +48,8 @@ class Scene:
 
     def drives_again(self) -> bool:
         """Whether it drives after the operator's second `set`."""
-        self.sleep_until(self.again_s + 8.0)
-        return bool(self.driven_s()[-1] > self.again_s + 6.0)
+        self.sleep_until(self.again_s + 8.0 + PATIENCE_S)
+        return bool(self.driven_s()[-1] > self.again_s + 6.0 + PATIENCE_S)
 
     @staticmethod
     def sleep_until(time_s: float) -> None:
@@ -68,10 +69,12 @@ def begin(
             OperatorRow(at_s=0.2, cruise_enable=1.0),
             OperatorRow(at_s=0.5, over_s=1.0, lever_pct=50.0),
             OperatorRow(at_s=ENGAGE_S, press="set"),
+            OperatorRow(at_s=ENGAGE_S + PATIENCE_S, press="set"),
             OperatorRow(at_s=again_s + 0.2, cruise_enable=0.0),
             OperatorRow(at_s=again_s + 0.8, cruise_enable=1.0),
             OperatorRow(at_s=again_s + 1.0, over_s=0.5, lever_pct=60.0),
             OperatorRow(at_s=again_s + 5.5, press="set"),
+            OperatorRow(at_s=again_s + 5.5 + PATIENCE_S, press="set"),
         ),
     )
     scene = Scene(begin_s, begin_s + again_s, folder / "truth")

@@ -14,7 +14,7 @@ from tests.real_bus.scene import BY_WORD_WITHIN_S, NEUTRAL_WITHIN_S
 from tools.vcan import players
 from tools.vcan.players import Process
 
-AGAIN_S = 12.0
+AGAIN_S = 14.0
 COMMAND = 0xFF1211  # PGN and source address
 
 

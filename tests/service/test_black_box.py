@@ -22,6 +22,7 @@ def drive(folder: Path, active: list[bool | None]) -> BlackBox:
         BlackBox(
             Codec.load(SETTINGS.database, can),
             Ring(folder, RingSettings(segment_s=1.0, before_s=0.0, after_s=0.0), "can0"),
+            print,
         ),
     )
     for number, one in enumerate(active):
@@ -54,8 +55,8 @@ def test_exits(tmp_path: Path, active: list[bool | None], exits: int):
 
 def test_a_full_disk_costs_frames_and_does_not_end_it(tmp_path: Path):
     """The kernel's full device stands for it, and a folder for a segment that can't be opened; then there is room."""
-    sender = Codec.load(SETTINGS.database, structs.replace(SETTINGS.can, bus="virtual"))
-    box = BlackBox(sender, Ring(tmp_path, RingSettings(segment_s=1.0, after_s=0.0), "can0"))
+    sender, said = Codec.load(SETTINGS.database, structs.replace(SETTINGS.can, bus="virtual")), []
+    box = BlackBox(sender, Ring(tmp_path, RingSettings(segment_s=1.0, after_s=0.0), "can0"), said.append)
     (tmp_path / "log-0000002.log.gz").symlink_to("/dev/full")
     (tmp_path / "log-0000003.log.gz").mkdir()
     (tmp_path / "log-0000004.log.gz").symlink_to("/dev/full")
@@ -65,5 +66,7 @@ def test_a_full_disk_costs_frames_and_does_not_end_it(tmp_path: Path):
         box.tick(0.1 * (k + 1))
     assert "No space left on device" in box.problem
     assert 0 < box.failures < 40
-    box.ring.close()
+    assert 1 <= len(said) < box.failures
+    assert any("No space left on device" in line for line in said)
+    box.close()
     assert (tmp_path / "log-0000005.log.gz").stat().st_size > 50

@@ -70,6 +70,16 @@ def test_systemd_is_told_and_the_watchdog_is_fed(settings: CruiseSettings, tmp_p
     assert 5 <= told.count("WATCHDOG=1") <= 10, "every 50 ms, and at most once a tick"
 
 
+def test_what_cannot_be_kept_is_said_once(settings: CruiseSettings, tmp_path: Path):
+    assert settings.persistence is not None
+    kept = structs.replace(settings.persistence, every_s=0.1)
+    said: list[str] = []
+    daemon = Daemon(structs.replace(settings, persistence=kept), Notifier.of({}), said.append)
+    (tmp_path / "kept" / "state.new").symlink_to("/dev/full")
+    run(daemon, 20)
+    assert len([line for line in said if "No space left on device" in line]) == 1
+
+
 def test_a_watchdog_meant_for_another_process_is_not_fed(settings: CruiseSettings):
     notifier = Notifier.of({"NOTIFY_SOCKET": "", "WATCHDOG_USEC": "200000", "WATCHDOG_PID": "1"})
     notifier.alive(5.0)  # and without a socket nothing happens at all

@@ -102,3 +102,10 @@ def test_one_frame_alone_neither_presses_nor_lets_go_a_button_that_engages(butto
         heard.append(ears.value(button, now_s))
         assert ears.value("brake_pedal", now_s) == pressed  # what ends it acts at once
     assert heard == [0, 0, 0, 0, 1, 1, 1, 1, 1, 0]
+
+
+def test_a_button_that_stays_unknown_is_unknown():
+    ears = hearing()
+    for number, pressed in enumerate((1.0, 1.0, math.nan, math.nan)):
+        ears.take(codec().encode("CCVS", {"cruise_set": pressed}, 1.0 + 0.1 * number))
+        assert math.isnan(ears.value("cruise_set", 1.0 + 0.1 * number)) == (number == 3)

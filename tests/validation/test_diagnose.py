@@ -1,5 +1,7 @@
 """The diagnosis names what was hidden in a drive, says nothing of nothing, and says the same when it is asked again."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -205,6 +207,9 @@ def test_a_memory_of_the_current_that_no_effect_has_is_unlisted():
     assert one.verdict is Verdict.UNLISTED
     assert one.signals[0] == "pump_current_ma"
     assert one.effects == ()
+    assert not one.untold
+    assert not replace(one, signals=()).untold  # foretold by several together, and by none alone
+    assert "by no one signal" in sentence(replace(one, signals=()))
     assert one.hidden.loss > LEAST_FORETOLD * one.base.loss
 
 

@@ -127,7 +127,7 @@ class FullDisk(Fault):
         kept = PersistenceSettings(machine="1", folder=str(place), every_s=0.2)
         self.keeper = Keeper(StateFile(place / "state", kept.machine, fingerprint(bed.node.estimator.factory)))
         self.chronicle = Chronicle(bed.node, kept, None, self.keeper)
-        self.box = BlackBox(codec(), Ring(place, RingSettings(segment_s=0.5), "can0"))
+        self.box = BlackBox(codec(), Ring(place, RingSettings(segment_s=0.5), "can0"), lambda line: None)
         for name in ("state.new", *(f"log-{number:07}.log.gz" for number in range(2, 100))):
             (place / name).symlink_to("/dev/full")
 

@@ -38,6 +38,17 @@ Positive = Annotated[float, msgspec.Meta(gt=0)]
 """For settings that divide or scale: times, rates, standard deviations."""
 
 
+def refuse_wide(settings: msgspec.Struct, most: float) -> None:
+    """Raise ValueError for a number above `most` times its default, which would switch off what it guards."""
+    for field in msgspec.structs.fields(settings):
+        value = getattr(settings, field.name)
+        if isinstance(field.default, float) and value > most * field.default:
+            raise ValueError(
+                f"{field.name} is {value:g}, more than {most:g} times the default of {field.default:g}: "
+                "that would switch the check off"
+            )
+
+
 class SettingsError(ValueError):
     """A setting or a configuration file that the user has to correct; the message says where and how."""
 

@@ -5,18 +5,20 @@ last layer of this program.
 """
 
 import math
+from typing import Annotated
 
 import msgspec
 
-from cruise.settings import Positive
+Current = Annotated[float, msgspec.Meta(gt=0, le=2000)]  # mA; no coil of this class takes more
+Rate = Annotated[float, msgspec.Meta(gt=0, le=2400)]  # mA/s; full stroke in half a second
 
 
 class LimitSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What the pump may be asked for."""
 
     current_min_ma: float = 0.0  # mA, the cruise control never reverses
-    current_max_ma: Positive = 1200.0  # mA, the solenoid's rating (12 V proportional control)
-    rate_max_ma_per_s: Positive = 600.0  # mA/s, full stroke in 2 s
+    current_max_ma: Current = 1200.0  # mA, the solenoid's rating (12 V proportional control)
+    rate_max_ma_per_s: Rate = 600.0  # mA/s, full stroke in 2 s
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.current_min_ma < self.current_max_ma:

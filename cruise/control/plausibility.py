@@ -16,13 +16,14 @@ from typing import Final
 
 import msgspec
 
-from cruise.settings import Positive
+from cruise.settings import Positive, refuse_wide
 
 WINDOW_S: Final = 0.25  # s of commands with which the measured current is compared: time-out of the drive and a frame
 SMOOTH_S: Final = 0.2  # s, time constant through which two speeds are compared
 RATE_S: Final = 0.1  # s over which a rate is taken
 JUMP_S: Final = 0.2  # s over which the model's errors are summed
 TEXTURE_S: Final = 0.5  # s, time constant of the roughness
+WIDEST: Final = 3.0  # times its default that a threshold may be
 LEAST_READINGS: Final = 8  # equal ones that make a sensor frozen: at 5 Hz it may repeat itself by chance
 
 
@@ -48,6 +49,9 @@ class PlausibilitySettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unk
     faulty_share: Positive = 0.5  # of the last frames of a protected message
     wavering: Positive = 2.5  # times in a second: an operator may change his mind twice
     pace: Positive = 1.5  # of the program's own period
+
+    def __post_init__(self) -> None:
+        refuse_wide(self, WIDEST)
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,18 +2,21 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Annotated, Final
 
 import msgspec
 
 from cruise.control.commissioning import CommissioningSettings, Experiment
-from cruise.settings import Positive
+from cruise.settings import Positive, refuse_wide
+
+WIDEST: Final = 3.0  # times its default that a setting may be
 
 
 class EngagementSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Within what the machine may be driven."""
 
     speed_min_mps: Positive = 0.3  # m/s, slower is manoeuvring, a person's work
-    speed_max_mps: Positive = 8.5  # m/s, just over 30 km/h, the road limit of most machines
+    speed_max_mps: Annotated[float, msgspec.Meta(gt=0, le=11.2)] = 8.5  # m/s, just over 30 km/h; no combine passes 40
     setpoint_step_mps: Positive = 0.1  # m/s, of the buttons accelerate and coast
     lever_moved_pct: Positive = 5.0  # %, change of the lever that means the operator wants it
     override_s: Positive = 1.0  # s that pedals and lever have to be left alone before an override is over
@@ -24,6 +27,9 @@ class EngagementSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unkno
     overspeed_spm: Positive = 0.05
     slowing_mps2: Positive = 0.2  # m/s2, a deceleration that every machine can follow, dead time and hill included
     shifts_under_way: bool = False  # a gearbox that changes gear under load; with others a changed gear is an exit
+
+    def __post_init__(self) -> None:
+        refuse_wide(self, WIDEST)
 
     def hill_mps(self, wished_mps: float) -> float:
         """What a hill may add to a speed that is wished."""

@@ -136,3 +136,9 @@ def test_the_contradiction_goes_with_its_cause():
     plausibility = Plausibility(PlausibilitySettings(), FRAME_S)
     assert plausibility.step(replace(TRUE, time_s=1.0, imposters=0, faulty_share=0.9))
     assert plausibility.step(replace(TRUE, time_s=1.05)) == plausibility.contradiction == ""
+
+
+def test_a_threshold_that_switches_its_check_off_is_refused():
+    PlausibilitySettings(jump_mps=0.89)
+    with pytest.raises(ValueError, match=r"jump_mps is 0.91, more than 3 times the default of 0.3"):
+        PlausibilitySettings(jump_mps=0.91)

@@ -55,6 +55,16 @@ def test_nothing_is_missing_from_a_short_drive_without_an_effect(monkeypatch):
     assert held.line.final_mps == pytest.approx(held.line.true_mps, rel=1e-3)
 
 
+def test_the_experiments_that_an_ambiguous_verdict_names_resolve_it():
+    """A dead zone of 102 mA, driven as an operator drives: dry friction leaves no larger an error."""
+    known = [Point(tier="field", effect="dead_zone", seed=200, size=101.5, ratio=4.0)]
+    asked = Task(tier="field", kind="single", effects=("dead_zone",), size="large", seed=200)
+    held = run.hold(asked, known)
+    assert (held.line.verdict, set(held.line.effects)) == ("ambiguous", {"dead_zone", "coulomb_friction"})
+    assert held.line.resolved == ("dead_zone",)
+    assert held.line.right
+
+
 def test_the_table_is_whole_again_after_an_error():
     before = list(TABLE.items())
 
@@ -192,9 +202,21 @@ def test_the_plan_holds_every_effect_in_every_size():
         (line("single", ("grade",), "missing", ("leakage", "grade")), False, False, "leakage"),
         (line("single", ("grade",), "nothing"), False, False, "nothing"),
         (line("single", ("grade",), "unlisted"), False, False, "unlisted"),
-        (line("single", ("grade",), "ambiguous", ("leakage", "grade")), True, True, "grade"),
+        (line("single", ("grade",), "ambiguous", ("leakage", "grade"), resolved=("grade",)), True, True, "grade"),
+        (line("single", ("grade",), "ambiguous", ("leakage", "grade")), False, False, "ambiguous"),
+        (
+            line("single", ("grade",), "ambiguous", ("leakage", "grade"), resolved=("leakage",)),
+            False,
+            False,
+            "ambiguous",
+        ),
         (line("single", ("grade",), "ambiguous", ("leakage", "crop_load")), False, False, "ambiguous"),
-        (line("single", ("grade",), "ambiguous", ("grade", "leakage", "crop_load")), False, False, "ambiguous"),
+        (
+            line("single", ("grade",), "ambiguous", ("grade", "leakage", "crop_load"), resolved=("grade",)),
+            False,
+            False,
+            "ambiguous",
+        ),
         (line("single", ("grade",), "missing", ("grade",), failed="boom"), False, False, "failed"),
         (line("nothing", (), "nothing"), True, True, "nothing"),
         (line("nothing", (), "missing", ("grade",)), False, False, "grade"),
@@ -258,6 +280,7 @@ def test_a_score_counted_by_hand():
     assert found.false_alarms == Share(1, 2)
     assert found.unlisted == {"never in it": Share(0, 1), "left out": Share(1, 1)}
     assert (found.two, found.three, found.ambiguous) == (Share(1, 1), Share(0, 1), Share(0, 9))
+    assert found.resolved == Share(0, 0)
     squares = [0.1, 0.8, 0.6, 0.05, 0.3, 0.5, 0.5, 0.0, 0.2]
     assert found.brier == pytest.approx(sum(x**2 for x in squares) / 9)
     assert found.base_rate == pytest.approx(4 / 9)

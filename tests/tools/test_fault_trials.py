@@ -6,7 +6,6 @@ from dataclasses import replace
 from random import Random
 
 import pytest
-from msgspec import structs
 from typer.testing import CliRunner
 
 from cruise.control.engagement import State
@@ -115,7 +114,6 @@ class Blind(Fault):
 
     def begin(self, bed: Bed) -> None:
         bed.node.plausibility = None
-        bed.node.engagement.settings = structs.replace(bed.node.engagement.settings, overspeed_mps=50.0)
 
     def said(self, message: str, values: dict[str, float], now_s: float) -> dict[str, float]:
         return {name: value * (0.5 if name.endswith("speed_mps") else 1.0) for name, value in values.items()}

@@ -1,6 +1,7 @@
 """tools/trial: each effect is felt and nothing else is, the base machine is linear, and the answers stay sealed."""
 
 import ast
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,11 +11,25 @@ from scipy.optimize import least_squares
 from scipy.signal import lfilter
 from typer.testing import CliRunner
 
-from tools.trial import EFFECTS, UNLISTED, Present, Tier, Trial, course, draw, effects, files, machine, simulate
+from tools.trial import (
+    EFFECTS,
+    UNLISTED,
+    Present,
+    Tier,
+    Trial,
+    course,
+    draw,
+    effects,
+    experiment,
+    files,
+    machine,
+    simulate,
+)
 from tools.trial.__main__ import app
 from tools.trial.draw import mixture
 from tools.trial.trial import NOISE_MPS, PERIOD_S, SECONDS
 
+simulators = sys.modules["tools.trial.simulate"]
 ROOT = Path(__file__).parents[2]
 GENERATOR = ("trial", "course", "machine", "effects", "simulate", "draw", "files")
 SPEED = "ground_speed_mps"
@@ -220,3 +235,44 @@ def test_the_generator_shares_no_code_with_what_it_tests(name):
     modules = [node.module or "" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
     modules += [alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names]
     assert [module for module in modules if module.startswith("cruise") and not module.startswith("cruise.plant")] == []
+
+
+def test_every_effect_has_an_experiment():
+    assert set(EFFECTS) <= set(experiment.experiments())
+
+
+@pytest.mark.parametrize("effect", EFFECTS)
+def test_the_experiment_of_an_effect_shows_it(effect):
+    """The machine of the recording, with other noise; what the effect does there is far above the noise."""
+    row = EFFECTS[effect]
+    trial = one(effect, effects.ranges(row, "large", "field")[1], tier="field")
+    driven = experiment.course_of(effect, trial)
+    shown = simulate(trial, driven)
+    assert len(shown["time_s"]) == len(driven.time_s) > 60.0 / PERIOD_S
+    without = simulate(trial.without(effect), driven)
+    moved = shown[SPEED] - without[SPEED]
+    assert rms(moved) > 1e-3
+    assert shown.keys() >= simulate(trial).keys() - {"time_s"}
+
+
+def test_an_experiment_is_driven_with_the_machine_of_the_recording():
+    """A power that is in relation to what the recording asks for stays, though the experiment asks for more."""
+    trial = one("power_limit", 1.0)
+    steep = experiment.course_of("power_limit", trial)
+    limited = simulate(trial, steep)[SPEED]
+    of_its_own = simulators.made(trial, steep).settings.pump.power_kw
+    assert of_its_own > 1.5 * simulators.made(trial, course.draw(trial)).settings.pump.power_kw
+    assert rms(limited - simulate(trial.without("power_limit"), steep)[SPEED]) > 0.1
+
+
+def test_values_are_reached_and_held():
+    trial = one("dead_zone", 20.0)
+    driven = experiment.course_of("rolling_resistance", trial)
+    assert driven.grain_kg[-1] == pytest.approx(0.95 * course.GRAIN_KG)
+    assert driven.current_ma.min() == pytest.approx(-500.0)
+    hill = experiment.course_of("grade", trial)
+    assert (hill.grade_deg.min(), hill.grade_deg.max()) == pytest.approx((-4.0, 4.0))
+    gears = experiment.course_of("gear_ratio", trial)
+    assert list(dict.fromkeys(gears.gear.tolist())) == [2, 1, 3]
+    sweep = experiment.course_of("resonance", trial).current_ma
+    assert 440.0 < sweep[round(12.0 / PERIOD_S) : round(72.0 / PERIOD_S)].max() <= 450.0

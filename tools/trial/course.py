@@ -37,6 +37,7 @@ class Course:
     header_mm: FloatArray
     wind: FloatArray  # -1..1; nobody measures it
     tyre_bar: FloatArray  # a central inflation system changes it
+    brake_n: FloatArray  # of the service brake, which resists the motion
 
 
 def draw(trial: Trial) -> Course:
@@ -88,6 +89,7 @@ def _clean(trial: Trial) -> Course:
         header_mm=held(rng, time_s, 50.0, 700.0, (10.0, 50.0), 1.5),
         wind=wander(rng, time_s, -1.0, 1.0, (4.0, 20.0)),
         tyre_bar=held(rng, time_s, 1.2, 2.4, (30.0, 90.0), 15.0),
+        brake_n=np.zeros(len(time_s)),
     )
 
 
@@ -173,6 +175,7 @@ def _field(trial: Trial) -> Course:
         header_mm=smooth(np.where(working, wander(rng, time_s, 80.0, 250.0, (10.0, 40.0)), 700.0), 1.0),
         wind=wander(rng, time_s, -1.0, 1.0, (4.0, 20.0)),
         tyre_bar=held(rng, time_s, 1.2, 2.4, (30.0, 90.0), 15.0),
+        brake_n=np.zeros(len(time_s)),
     )
 
 

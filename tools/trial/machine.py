@@ -93,7 +93,7 @@ def base(trial: Trial, course: Course) -> Machine:
         felt_grade_deg=none,
         felt_grain_kg=none,
         rolling_resistance=none,
-        implement_drag_n=none,
+        implement_drag_n=course.brake_n,
         pull_n=none,
         wheel_radius_share=none + 1.0,
         bias_mps=none,

@@ -18,13 +18,14 @@ import msgspec
 
 from cruise.effects import EFFECTS as TABLE
 from cruise.validation.candidates import owner
-from cruise.validation.diagnose import diagnose
+from cruise.validation.diagnose import Diagnosis, Verdict, diagnose
 
+from . import experiment
 from .draw import draw
 from .effects import UNLISTED
 from .plan import NEXT_DRIVE, Task
-from .score import Line
-from .simulate import simulate
+from .score import MOST_ALIKE, Line
+from .simulate import Columns, simulate
 from .sizing import Miss, Point, begun, rms_mps, sized, with_truth
 from .trial import Trial
 
@@ -86,10 +87,24 @@ def hold(task: Task, known: Sequence[Found]) -> Held:
         base_mps=rms_mps(verdict.base),
         final_mps=rms_mps(verdict.final),
         true_mps=rms_mps(true),
+        resolved=resolved(task, answer.trial, columns, verdict),
         diagnosis_s=diagnosed_s - made_s,
         trial_s=made_s - begin_s,
     )
     return Held(line, answer.found)
+
+
+def resolved(task: Task, trial: Trial, columns: Columns, said: Diagnosis) -> tuple[str, ...]:
+    """The effects that are named once the experiments of an ambiguous verdict are driven; none for another verdict.
+
+    Only for a verdict that they can make right: they take long.
+    """
+    hopeless = task.kind != "single" or len(said.effects) > MOST_ALIKE or not set(task.effects) <= set(said.effects)
+    if said.verdict is not Verdict.AMBIGUOUS or hopeless:
+        return ()
+    driven = [simulate(trial, experiment.course_of(name, trial)) for name in said.effects]
+    again = diagnose(begun(columns, *driven))
+    return again.effects if again.verdict is Verdict.MISSING else ()
 
 
 def sealed(task: Task, known: Sequence[Found]) -> Sealed:

@@ -41,6 +41,7 @@ class Line(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     verdict: str = ""
     effects: tuple[str, ...] = ()
     signals: tuple[str, ...] = ()
+    resolved: tuple[str, ...] = ()  # named once the experiments of an ambiguous verdict are driven too
     beside: tuple[str, ...] = ()  # dependences without a name that stand in the model beside the effects
     ranking: tuple[str, ...] = ()  # the five best
     confidence: float = 0.0
@@ -63,7 +64,7 @@ class Line(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
             wanted = wanted_signals(self.task.effects[0])
             return self.verdict == "unlisted" and (not wanted or bool(wanted & set(self.signals)))
         if kind == "single" and self.verdict == "ambiguous":
-            return len(self.effects) <= MOST_ALIKE and true <= set(self.effects)
+            return len(self.effects) <= MOST_ALIKE and true <= set(self.effects) and set(self.resolved) == true
         return self.verdict == "missing" and set(self.effects) == true
 
     @property
@@ -148,6 +149,7 @@ class Score:
     two: Share
     three: Share
     ambiguous: Share  # of all verdicts
+    resolved: Share  # of ambiguous verdicts on one effect: two members with the true one, told apart by the experiments
     brier: float
     base_rate: float
     skill: float
@@ -181,6 +183,9 @@ def score(lines: Sequence[Line]) -> Score:
         two=share(of["two"], lambda line: line.right),
         three=share(of["three"], lambda line: line.right),
         ambiguous=share(ran, lambda line: line.verdict == "ambiguous"),
+        resolved=share(
+            [line for line in of["single"] if line.verdict == "ambiguous" and not line.failed], lambda line: line.right
+        ),
         brier=brier,
         base_rate=base_rate,
         skill=1.0 - brier / (base_rate * (1.0 - base_rate)) if 0.0 < base_rate < 1.0 else math.nan,

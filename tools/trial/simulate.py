@@ -20,21 +20,35 @@ from .machine import STEPS, Machine
 from .trial import NOISE_MPS, PERIOD_S, Trial
 
 STREAM: Final = 3
+EXPERIMENT_STREAM: Final = 5
 SLOW: Final = 20  # samples between two values of oil temperature and mass: 1 s
 RADIUS_EVERY: Final = 10  # samples between two changes of the wheels' radius, where it changes
 
 Columns = dict[str, FloatArray]
 
 
-def simulate(trial: Trial) -> Columns:
-    """The recording of a trial: name to values of 20 Hz (N,), `time_s` first."""
+def simulate(trial: Trial, experiment: Course | None = None) -> Columns:
+    """The recording of a trial, or of an experiment with its machine: name to values of 20 Hz (N,), `time_s` first."""
     course = courses.draw(trial)
-    driven = machine.base(trial, course)
-    effects.make(driven, course, trial)
+    driven = made(trial, course)
+    if experiment is not None:
+        settings, course = driven.settings, experiment
+        driven = made(trial, course)
+        driven.settings = (
+            settings  # the recording's machine, where a size is in relation to what the recording asks of it
+        )
     truth = _drive(driven, course, trial.seed)
     rpm, load_pct = (truth["rpm"], truth["load_pct"]) if driven.one_engine else _other_engine(driven, course, truth)
-    shown = _sensors(trial, driven, course, truth, rpm, load_pct)
+    noise = trial.rng(STREAM if experiment is None else EXPERIMENT_STREAM)
+    shown = _sensors(trial, noise, driven, course, truth, rpm, load_pct)
     return {name: values for name, values in shown.items() if name not in driven.unrecorded}
+
+
+def made(trial: Trial, course: Course) -> Machine:
+    """The machine of a trial with its effects, as it feels a course."""
+    driven = machine.base(trial, course)
+    effects.make(driven, course, trial)
+    return driven
 
 
 def _drive(driven: Machine, course: Course, seed: int) -> Columns:
@@ -114,10 +128,16 @@ def _other_engine(driven: Machine, course: Course, truth: Columns) -> tuple[Floa
 
 
 def _sensors(
-    trial: Trial, driven: Machine, course: Course, truth: Columns, rpm: FloatArray, load_pct: FloatArray
+    trial: Trial,
+    rng: np.random.Generator,
+    driven: Machine,
+    course: Course,
+    truth: Columns,
+    rpm: FloatArray,
+    load_pct: FloatArray,
 ) -> Columns:
     """What is measured of the truth, with the noise of the plant's sensors [unit of each name]."""
-    rng, count = trial.rng(STREAM), len(course.time_s)
+    count = len(course.time_s)
 
     def noisy(values: FloatArray, deviation: float) -> FloatArray:
         return values + rng.normal(0.0, deviation, count)

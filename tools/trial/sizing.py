@@ -78,9 +78,9 @@ def recording(columns: Columns) -> Recording:
     return Recording(columns["time_s"], shown, PERIOD_S, "blind trial")
 
 
-def begun(columns: Columns) -> Study:
-    """The model without any effect, fitted."""
-    return studies.study([recording(columns)], parse(MODEL), None, MODEL_PERIOD_S)
+def begun(*drives: Columns) -> Study:
+    """The model without any effect, fitted to one or more drives."""
+    return studies.study([recording(columns) for columns in drives], parse(MODEL), None, MODEL_PERIOD_S)
 
 
 def with_truth(study: Study, effects: Sequence[str]) -> Judged:

@@ -53,6 +53,7 @@ def shares(score: Score) -> dict[str, Share]:
         "two found exactly": score.two,
         "three found exactly": score.three,
         "ambiguous verdicts": score.ambiguous,
+        "of one effect, resolved by the experiments": score.resolved,
     }
 
 

@@ -4,8 +4,8 @@ At every frame: the observer takes the measured speed in, the reference moves on
 the command effects are inverted into a wanted current, and shaper and limits turn it into the current that is sent.
 The model is the learned one at the rate of the frames. What is measured acts through the model's own effects, so that
 nothing here is scaled twice: engine speed and gear scale the drive, slope and load are known before they cost speed.
-Effects that look at the speed are shown the observer's, which knows the commands: a pitch sensor's slope is then free
-of the machine's own acceleration without the noise of a derivative.
+Effects that look at the speed are shown the observer's, which knows the commands; those that look at the pitch are
+shown the slope of the ground, which a pitch sensor doesn't show while the machine accelerates.
 """
 
 import math
@@ -25,6 +25,7 @@ from cruise.control.power import PowerGuard, PowerSettings
 from cruise.control.predictive import Bounds, Now, Plan, PredictiveSettings, Programme
 from cruise.control.reference import Reference, ReferenceSettings
 from cruise.control.shaping import CommandShaper
+from cruise.control.slope import SlopeObserver
 from cruise.control.trend import Trend
 from cruise.effects import Effect
 from cruise.effects.grade import Grade
@@ -33,7 +34,6 @@ from cruise.settings import Positive, SettingsError
 from cruise.signals import OUTPUT, Sample
 
 POWER = ("engine_load_pct", "engine_speed_rpm", "line_pressure_bar")
-SLOPE_S = 0.4  # s, least time constant through which a slope is seen: 1 cm/s of noise then is 2.5 cm/s2
 PACE_STEPS = 20.0  # per factor e: poles that differ by less share one programme
 
 
@@ -70,11 +70,9 @@ class Command:
     limit_status: LimitStatus = LimitStatus.NOT_LIMITED
 
 
-def _calm(effect: Effect) -> Effect:
-    """The effect as a frame may see it: the acceleration in a slope, a difference over one frame, is noise."""
-    if isinstance(effect, Grade) and effect.filter_s < SLOPE_S:
-        return effect.reshaped(filter_s=SLOPE_S)
-    return effect
+def _on_the_ground(effect: Effect) -> Effect:
+    """The effect for a pitch that is the ground's: lag and acceleration are the slope observer's."""
+    return effect.reshaped(filter_s=0.0, acceleration_share=0.0) if isinstance(effect, Grade) else effect
 
 
 NEUTRAL = Command(0.0, math.nan, math.nan, "")
@@ -98,6 +96,7 @@ class Controller:
         self.limits = Limits(settings.limits)
         self.power = PowerGuard(settings.power, self.frame_s)
         self.trend = Trend(settings.predictive.trend_s, self.frame_s)
+        self.slope: SlopeObserver | None = None  # where the model knows slopes
         self.state: ModelState | None = None
         self.current_ma = math.nan  # as measured last
         self.wanted_ma = 0.0  # current that the shaper moves to
@@ -145,12 +144,15 @@ class Controller:
 
     def _drive_with(self, model: Model) -> None:
         self.adopted = model
-        self.model = fast = at_period(replace(model, effects=tuple(map(_calm, model.effects))), self.frame_s)
+        self.model = fast = at_period(replace(model, effects=tuple(map(_on_the_ground, model.effects))), self.frame_s)
         _, b, *_ = fast.split(fast.theta)
         self._slowest, self._share_of_period = slowest_pole(model), self.frame_s / model.period_s
         self._gain = fast.dc_gain_mps_per_ma
         self._share = np.array(b) / sum(b)
         self._programmes: dict[int, Programme] = {}
+        share = next((effect.acceleration_share for effect in model.effects if isinstance(effect, Grade)), None)
+        if share != (self.slope and self.slope.acceleration_share):
+            self.slope = None if share is None else SlopeObserver(share, self.frame_s)
         # The reference that the machine can follow lies the dead time in the past; lags are led.
         late = max(fast.delay - round(self.settings.predictive.lead_s / self.frame_s), 0)
         self.past_references = deque([0.0] * (late + 1), maxlen=late + 1)
@@ -190,14 +192,19 @@ class Controller:
             self.state = model.start(sample.speed_mps, sample.current_ma, sample.signals)
             self.observer.reset(sample.speed_mps)
             self.trend.restart()
+            if self.slope is not None:
+                self.slope.restart()
         signals = {**sample.signals, OUTPUT: self.observer.speed_mps}
+        if self.slope is not None:
+            signals["pitch_deg"] = self.slope.step(signals["pitch_deg"], sample.speed_mps)
         self.signals = signals
         state = model.apply(self.state, sample.current_ma, signals)
+        self.pace = state.pace
         # Equation 12 slows the pole down at the period at which it was learned.
         self.pole = max(1.0 - state.pace * (1.0 - self._slowest), 0.0) ** self._share_of_period
         load_mps = self._load_mps(state)
         self.trend.step(state.gain, load_mps)
-        self.observer.step(self.pole, self._felt_mps(state) + load_mps, sample.speed_mps)
+        self.observer.step(self.pole, self._felt_mps(state) + load_mps, sample.speed_mps, self.pace)
         self.state = model.observe(state, self.observer.speed_mps)
         self.current_ma = sample.current_ma
 
@@ -222,7 +229,7 @@ class Controller:
         found = self._programmes.get(key)
         if found is None:
             settings = self.settings.predictive
-            found = Programme(self.pole, self._share, self.model.delay, self.shaper, self.frame_s, settings)
+            found = Programme(self.pole, self._share, self.model.delay, self.shaper, self.frame_s, settings, self.pace)
             self._programmes[key] = found
         return found
 
@@ -246,7 +253,7 @@ class Controller:
             gain * np.array(state.drives),
             np.array([steady_mps(value) for value in self.shaper.states_ma]),
             self._load_mps(state) + self.observer.disturbance_mps,
-            self.trend.rate_mps2(self.observer.speed_mps),
+            self.observer.calm * self.trend.rate_mps2(self.observer.speed_mps),
             self.wanted_mps - self._load_mps(state),
         )
         low, high = steady_mps(limits.current_min_ma), steady_mps(limits.current_max_ma)

@@ -1,13 +1,19 @@
 """The disturbance observer: what the model doesn't explain, as one slowly moving number.
 
     x_k = [y_k, d_k]'
-    y_(k+1) = A y_k + (1 - A) (s_k + d_k) + noise,    d_(k+1) = d_k + noise,    measured: y_k + noise
+    y_(k+1) = A y_k + (1 - A) (s_k + d_k) + noise,    d_(k+1) = d_k + sqrt(alpha) noise,    measured: y_k + noise
+    d_k = d_(k|k-1) + K_d e_k / (1 + (s'_k / R)^2)
 
-y speed in m/s, A pole of the vehicle over a frame, s steady speed in m/s that drive and loads give by the model, d
-disturbance in m/s of steady speed. A Kalman filter (filterpy) in its steady state: its gain is found once for each A.
+y speed in m/s, A pole of the vehicle over a frame and alpha the pace by which a gear slows it down, s steady speed in
+m/s that drive and loads give by the model, d disturbance in m/s of steady speed, e innovation. A Kalman filter
+(filterpy) in its steady state: its gain is found once for each gear. While s changes at a rate s', a model that answers
+some hundredths of a second too early or late, or with a pole that is wrong (in high gears above all), errs by that rate
+times its error in time: what doesn't fit is then no disturbance, and would be an overshoot if it were taken for one.
 With d in the prediction the controller has no steady-state error (Muske and Badgwell, "Disturbance modeling for
 offset-free linear model predictive control", J. Process Control 12 (2002)).
 """
+
+import math
 
 import msgspec
 import numpy as np
@@ -24,11 +30,16 @@ class ObserverSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
 
     speed_noise_mps: Positive = 0.010  # m/s, of one mean over a frame
     model_noise_mps: Positive = 0.15  # m/s after 1 s, what the model errs by while the speed changes
-    disturbance_mps: Positive = 0.07  # m/s after 1 s, how fast hills and soil may come
+    disturbance_mps: Positive = 0.15  # m/s after 1 s, how fast hills and soil may come
+    brisk_mps2: Positive = 0.22  # R, m/s2: at this rate of s half of an innovation is believed; hills stay below it
+    brisk_s: Positive = 0.5  # s over which the rate is seen
 
 
 class DisturbanceObserver:
-    """`speed_mps` and `disturbance_mps` are all its state; `innovation_mps` is what the last frame did not fit by."""
+    """`speed_mps`, `disturbance_mps` and `steady_mps` are all its state.
+
+    `innovation_mps` is what the last frame did not fit by.
+    """
 
     def __init__(self, frame_s: float, settings: ObserverSettings) -> None:
         self.frame_s = frame_s
@@ -36,12 +47,16 @@ class DisturbanceObserver:
         self.speed_mps = 0.0
         self.disturbance_mps = 0.0
         self.innovation_mps = 0.0
-        self._gains: dict[float, tuple[float, float]] = {}
+        self.steady_mps = math.nan  # s through a lag of brisk_s
+        self.calm = 1.0  # share of what is seen that the drive has not moved itself
+        self._rate_share = -math.expm1(-frame_s / settings.brisk_s)
+        self._gains: dict[tuple[float, float], tuple[float, float]] = {}
         self._keep()
 
     def reset(self, speed_mps: float) -> None:
         """Begin at a measured speed, with no disturbance known."""
         self.speed_mps, self.disturbance_mps, self.innovation_mps = speed_mps, 0.0, 0.0
+        self.steady_mps = math.nan
         self._keep()
 
     @property
@@ -49,30 +64,39 @@ class DisturbanceObserver:
         """Whether the state is no longer what was kept of it: nothing in the program did that."""
         return self._kept != (self.speed_mps, self.disturbance_mps)
 
-    def step(self, pole: float, steady_mps: float, speed_mps: float) -> float:
+    def step(self, pole: float, steady_mps: float, speed_mps: float, pace: float = 1.0) -> float:
         """One frame on: predict with the model, correct with the measured speed; returns the innovation in m/s.
 
         A state that was upset stays so.
         """
         upset = self.upset
-        gains = self._gains.get(pole)
+        gains = self._gains.get((pole, pace))
         if gains is None:
-            gains = self._gains[pole] = self.gains(pole)
+            gains = self._gains[pole, pace] = self.gains(pole, pace)
         expected_mps = pole * self.speed_mps + (1.0 - pole) * (steady_mps + self.disturbance_mps)
         self.innovation_mps = speed_mps - expected_mps
         self.speed_mps = expected_mps + gains[0] * self.innovation_mps
-        self.disturbance_mps += gains[1] * self.innovation_mps
+        self.calm = 1.0 / (1.0 + (self._rate_mps2(steady_mps) / self.settings.brisk_mps2) ** 2)
+        self.disturbance_mps += gains[1] * self.calm * self.innovation_mps
         if not upset:
             self._keep()
         return self.innovation_mps
 
-    def gains(self, pole: float) -> tuple[float, float]:
+    def _rate_mps2(self, steady_mps: float) -> float:
+        """How fast drive and loads move the steady speed, through a lag."""
+        if math.isnan(self.steady_mps):
+            self.steady_mps = steady_mps
+        ahead_mps = steady_mps - self.steady_mps
+        self.steady_mps += self._rate_share * ahead_mps
+        return ahead_mps / self.settings.brisk_s
+
+    def gains(self, pole: float, pace: float = 1.0) -> tuple[float, float]:
         """The steady Kalman gain for speed and disturbance."""
         settings, found = self.settings, KalmanFilter(dim_x=2, dim_z=1)
         found.F = np.array([[pole, 1.0 - pole], [0.0, 1.0]])
         found.H = np.array([[1.0, 0.0]])
         found.R *= settings.speed_noise_mps**2
-        found.Q = np.diag([settings.model_noise_mps**2, settings.disturbance_mps**2]) * self.frame_s
+        found.Q = np.diag([settings.model_noise_mps, math.sqrt(pace) * settings.disturbance_mps]) ** 2 * self.frame_s
         gain = np.zeros((2, 1))
         for _ in range(MOST_STEPS):
             found.predict()
@@ -86,6 +110,7 @@ class DisturbanceObserver:
         """Move the disturbance by what a change of the model explains differently, so that the change makes no bump."""
         upset = self.upset
         self.disturbance_mps += disturbance_mps
+        self.steady_mps -= disturbance_mps
         if not upset:
             self._keep()
 

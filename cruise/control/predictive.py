@@ -1,19 +1,20 @@
 """The predictive law: the wanted drive over the horizon as one small quadratic programme, solved anew at every frame.
 
-    minimise   sum_i (y_i - r_i)^2 + rho sum_b (w_b - w_(b-1))^2 + sigma sum e^2
+    minimise   sum_i (y_i - r_i)^2 + rho sqrt(alpha) sum_b (w_b - w_(b-1))^2 + sigma sum e^2
     with       y_i = A y_(i-1) + (1 - A) (sum_j h_j s_(i-d-j) + l_i),   s = F_x x + F_w E w
     subject to w_min <= w_b <= w_max,   |y_i - y_(i-1)| <= A_max T,   |y_i - 2 y_(i-1) + y_(i-2)| <= J_max T^2,
                |s_i - s_(i-1)| <= R T
 
 Everything is in m/s of steady speed: w wanted drive, constant over the blocks that E spreads, x states of the shaper,
 s the drive that is sent (so the 1 Hz limit is a part of what is optimised), h and d response and delay of the drive,
-l loads and disturbance with the trend that they have, A pole of the vehicle, T frame, e by how much acceleration,
-jerk or rate exceed their bound, as a share of it (soft: a disturbance may already have broken them, and one frame
-can't mend it). In these units the matrices depend on the pole alone: they are made once for each, and a frame moves
-vectors only. Solver: DAQP (Arnstrom et al., IEEE TAC 67 (2022)), kept with its memory and started from the last
-active set.
+l loads and disturbance with the trend that they have, A pole of the vehicle and alpha the pace by which a gear slows it
+(the same drive is sqrt(alpha) as much current in it), T frame, e by how much acceleration, jerk or rate exceed their
+bound, as a share of it (soft: a disturbance may already have broken them, and one frame can't mend it). In these units
+the matrices depend on pole and pace alone: they are made once for each, and a frame moves vectors only. Solver: DAQP
+(Arnstrom et al., IEEE TAC 67 (2022)), kept with its memory and started from the last active set.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Annotated, Final
 
@@ -35,7 +36,7 @@ class PredictiveSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unkno
 
     horizon_s: Positive = 3.0  # s, Coen et al. 2005, section II.B
     # rho, without unit, per frame of 0.05 s; less lets sensor noise into the command
-    move_weight: Annotated[float, msgspec.Meta(ge=0)] = 4.0
+    move_weight: Annotated[float, msgspec.Meta(ge=0)] = 5.0
     accel_max_mps2: Positive = 1.0  # m/s2, predicted
     jerk_max_mps3: Positive = 2.0  # m/s3, predicted
     engaging_share: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.5  # of both bounds, while it takes over
@@ -43,6 +44,7 @@ class PredictiveSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unkno
     # The reference begins so gently that a machine which answers late can be there earlier than its dead time says.
     lead_s: Annotated[float, msgspec.Meta(ge=0)] = 0.1
     trend_s: Positive = 0.5  # s over which the trend of what is measured is seen
+    believed_s: Positive = 0.8  # s for which it is believed to go on: dead time and lags
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,8 +89,9 @@ class Programme:
         shaper: CommandShaper,
         frame_s: float,
         settings: PredictiveSettings,
+        pace: float = 1.0,
     ) -> None:
-        """`response` (nb,) are the h_j, which sum to 1; `delay` in frames."""
+        """`response` (nb,) are the h_j, which sum to 1; `delay` in frames, `pace` alpha."""
         depth = delay + len(response)
         count = max(round(settings.horizon_s / frame_s), depth + 4)
         self.count, self.frame_s = count, frame_s
@@ -102,8 +105,8 @@ class Programme:
         reach = np.add.outer(np.arange(1, count + 1), np.arange(depth))  # age of past drives at every step
         past = vehicle @ np.where(reach < depth, taps[np.minimum(reach, depth - 1)], 0.0)
         from_states, from_wanted = shaper.response(1, count)
-        dead_s = max(delay, 1) * frame_s  # as far as a trend is believed: what comes later can be met later
-        trend = vehicle @ (dead_s * -np.expm1(-steps * frame_s / dead_s))
+        lasts_s = settings.believed_s
+        trend = vehicle @ (lasts_s * -np.expm1(-steps * frame_s / lasts_s))
         self.lengths = lengths = _blocks(count - delay)
         spread = np.repeat(np.eye(len(lengths)), lengths, axis=0)
         spread = np.vstack([spread, np.tile(spread[-1], (count - len(spread), 1))])
@@ -113,7 +116,7 @@ class Programme:
         self._forced = drive @ from_wanted @ spread
         blocks = len(lengths)
         moves = np.eye(blocks) - np.eye(blocks, k=-1)
-        weight = settings.move_weight * (0.05 / frame_s)
+        weight = settings.move_weight * math.sqrt(pace) * (0.05 / frame_s)
         self._hessian = np.ascontiguousarray(self._forced.T @ self._forced + weight * moves.T @ moves)
         self._weight, self._blocks, self._excess_weight = weight, blocks, settings.excess_weight
         every = max(round(ROWS_S / frame_s), 1)

@@ -39,9 +39,10 @@ class CoulombFriction(Effect):
         source="Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30 (1994); Dahl, AIAA Journal 14 (1976)",
         signature="the residual jumps by one amount where the speed changes its sign, and is flat elsewhere",
         look_alikes=("dead_zone", "rolling_resistance", "sensor_bias", "hysteresis"),
-        experiment="slow ramps of current through zero in both directions, then the current set to zero at 1 m/s and "
-        "the machine left to stop: friction shortens the stop and a dead zone doesn't; sensor_bias keeps its sign in "
-        "reverse",
+        experiment="slow ramps of current through zero in both directions; then half a dozen stops from half a metre a "
+        "second, forward and in reverse, the current set to zero at once, with an empty bin and again with a full one: "
+        "friction ends each of them sooner and a dead zone doesn't, a full bin leaves it as it is and "
+        "rolling_resistance not; sensor_bias keeps its sign in reverse",
     )
 
     crossover_mps: float = 0.2

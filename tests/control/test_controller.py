@@ -13,6 +13,7 @@ from cruise.control.predictive import PredictiveSettings
 from cruise.effects.dead_zone import DeadZone
 from cruise.effects.engine_speed import EngineSpeed
 from cruise.effects.gear_ratio import GearRatio
+from cruise.effects.grade import Grade
 from cruise.effects.quadratic_gain import QuadraticGain
 from cruise.model.model import Model
 from cruise.signals import Sample
@@ -251,6 +252,29 @@ def test_a_change_of_gear_and_of_throttle_makes_no_bump_in_the_speed_that_is_ask
     loop.engaged(1.2, 20.0)
     assert abs(np.diff(loop.currents[settled:])).max() <= 600.0 * FRAME_S + 1e-9
     assert loop.speeds[-1] == pytest.approx(1.2, abs=0.005)
+
+
+@pytest.mark.parametrize("share", [1.0, 0.0])
+def test_the_acceleration_in_a_pitch_sensor_is_not_fed_back(share):
+    """On level ground a model that knows slopes drives as one that doesn't, whatever of the acceleration is shown."""
+
+    def driven(model: Model, shown: float) -> np.ndarray:
+        loop = Loop(Machine(), model).by_hand(700.0, 20.0)
+        step, before = loop.machine.step, [loop.machine.speed_mps]
+
+        def pitching(current_ma: float) -> Sample:
+            sample = step(current_ma)
+            accel_mps2 = (sample.speed_mps - before[0]) / FRAME_S
+            before[0] = sample.speed_mps
+            pitch_deg = math.degrees(math.asin(shown * accel_mps2 / 9.81))
+            return replace(sample, signals={**sample.signals, "pitch_deg": pitch_deg})
+
+        loop.machine.step = pitching
+        loop.sample = loop.machine.step(700.0)
+        return loop.engaged(1.2, 10.0).engaged(1.7, 15.0).currents
+
+    knows = Model(PERIOD_S, 1, 3, 2, (*EFFECTS, Grade(0.0, share, 0.4)), (0.4, 2e-4, 8e-4, 8e-4, 0.06, 0.02))
+    assert np.abs(driven(knows, share) - driven(MODEL, 0.0)).max() < 6.0
 
 
 @pytest.mark.parametrize("frame_s", [0.03, 0.15, 0.4])

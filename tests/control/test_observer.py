@@ -26,14 +26,42 @@ def test_it_finds_a_step_of_the_disturbance_within_two_seconds():
 
 def test_its_gain_is_that_of_the_riccati_equation():
     settings = ObserverSettings()
-    gain = np.array(DisturbanceObserver(FRAME_S, settings).gains(POLE))
+    pace = 0.5
+    gain = np.array(DisturbanceObserver(FRAME_S, settings).gains(POLE, pace))
     F = np.array([[POLE, 1.0 - POLE], [0.0, 1.0]])  # noqa: N806
-    Q = FRAME_S * np.diag([settings.model_noise_mps**2, settings.disturbance_mps**2])  # noqa: N806
+    Q = FRAME_S * np.diag([settings.model_noise_mps, np.sqrt(pace) * settings.disturbance_mps]) ** 2  # noqa: N806
     noise = settings.speed_noise_mps**2
     P = Q  # noqa: N806
     for _ in range(3000):
         P = F @ (P - np.outer(P[:, 0], P[0]) / (P[0, 0] + noise)) @ F.T + Q  # noqa: N806
     np.testing.assert_allclose(gain, P[:, 0] / (P[0, 0] + noise), rtol=1e-4)
+
+
+@pytest.mark.parametrize(("rate_mps2", "share"), [(0.0, 1.0), (0.22, 0.5), (-0.66, 0.1)])
+def test_while_the_drive_changes_less_of_an_innovation_is_a_disturbance(rate_mps2, share):
+    """Half of it at brisk_mps2, a tenth at three times that, whichever way; the speed is corrected all the same."""
+    observer = DisturbanceObserver(FRAME_S, ObserverSettings())
+    observer.reset(1.0)
+    steady = 1.0
+    for _ in range(200):
+        observer.step(POLE, steady, POLE * observer.speed_mps + (1.0 - POLE) * (steady + observer.disturbance_mps))
+        steady += rate_mps2 * FRAME_S
+    expected = POLE * observer.speed_mps + (1.0 - POLE) * steady
+    observer.step(POLE, steady, expected + 0.01)
+    speed_gain, disturbance_gain = observer.gains(POLE)
+    assert observer.disturbance_mps == pytest.approx(share * disturbance_gain * 0.01, rel=0.12)
+    assert observer.speed_mps == pytest.approx(expected + speed_gain * 0.01)
+
+
+def test_a_shift_is_no_change_of_the_drive():
+    observer, still = (DisturbanceObserver(FRAME_S, ObserverSettings()) for _ in range(2))
+    for one in (observer, still):
+        one.reset(1.0)
+        one.step(POLE, 1.0, 1.0)
+    observer.shift(-0.2)  # the model explains 0.2 m/s more
+    observer.step(POLE, 1.2, 1.01)
+    still.step(POLE, 1.0, 1.01)
+    assert observer.disturbance_mps + 0.2 == pytest.approx(still.disturbance_mps)
 
 
 def test_a_shift_moves_the_disturbance_only():

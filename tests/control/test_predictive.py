@@ -30,8 +30,8 @@ def simulated(wanted, now: Now, count: int) -> np.ndarray:
     for k in range(count):
         past.insert(0, shaper.step(wanted[k]))
         felt = sum(h * past[DELAY + j] for j, h in enumerate(RESPONSE))
-        dead_s = DELAY * FRAME_S
-        load = now.load_mps + now.trend_mps2 * dead_s * (1.0 - np.exp(-(k + 1) * FRAME_S / dead_s))
+        lasts_s = PredictiveSettings().believed_s
+        load = now.load_mps + now.trend_mps2 * lasts_s * (1.0 - np.exp(-(k + 1) * FRAME_S / lasts_s))
         speed = POLE * speed + (1.0 - POLE) * (felt + load)
         speeds.append(speed)
     return np.array(speeds)
@@ -69,6 +69,17 @@ def test_it_is_the_optimum():
 
     best = optimize.minimize(cost, np.ones(len(lengths)), method="L-BFGS-B", options={"maxiter": 500, "ftol": 1e-14})
     assert found.wanted_mps == pytest.approx(best.x[0], abs=1e-3)
+
+
+def test_in_a_gear_of_half_the_pace_a_move_costs_the_root_of_it():
+    shaper = CommandShaper(2.0, 2, FRAME_S)
+    settings = PredictiveSettings(move_weight=4.0)
+    slow = Programme(POLE, RESPONSE, DELAY, shaper, FRAME_S, settings, pace=0.25)
+    light = programme(move_weight=2.0)
+    higher = np.full(light.count, 1.1)
+    expected = light.solve(at_rest(), higher, WIDE).wanted_mps
+    assert slow.solve(at_rest(), higher, WIDE).wanted_mps == pytest.approx(expected, abs=1e-9)
+    assert programme().solve(at_rest(), higher, WIDE).wanted_mps < expected - 0.01
 
 
 def test_it_keeps_the_bounds_of_the_drive():

@@ -11,6 +11,7 @@ from typing import Final
 import msgspec
 
 from cruise.control.controller import Controller, ControlSettings
+from cruise.effects.grade import Grade
 from cruise.model.model import Model
 from cruise.signals import Sample
 
@@ -50,8 +51,8 @@ class Predictive:
     """The project's controller as a driver; `plain` are signals that it is not shown."""
 
     def __init__(self, model: Model, settings: ControlSettings, plain: Mapping[str, float] | None = None) -> None:
-        self.controller = Controller(model, settings)
         self.plain = plain or {}
+        self.controller = Controller(_level(model) if plain else model, settings)
 
     def step(self, sample: Sample, setpoint_mps: float | None) -> float:
         """One frame."""
@@ -59,7 +60,11 @@ class Predictive:
 
 
 class BlindPid(Pid):
-    """The PID, to which nothing is fed forward but reference and gear."""
+    """The PID, to which nothing is fed forward but reference and gear.
+
+    It keeps the model's grade: what that takes for slope while the machine accelerates is a further derivative to it,
+    without which it is a fifth worse.
+    """
 
     def step(self, sample: Sample, setpoint_mps: float | None) -> float:
         """One frame."""
@@ -68,6 +73,12 @@ class BlindPid(Pid):
 
 def _blind(sample: Sample, plain: Mapping[str, float]) -> Sample:
     return replace(sample, signals={**sample.signals, **plain}) if plain else sample
+
+
+def _level(model: Model) -> Model:
+    """The model for a pitch that stands still: no acceleration is in it that would have to be taken out."""
+    effects = (one.reshaped(acceleration_share=0.0) if isinstance(one, Grade) else one for one in model.effects)
+    return replace(model, effects=tuple(effects))
 
 
 def _exact(models: Models, settings: ControlSettings) -> Driver:

@@ -10,7 +10,6 @@ from typing import Final
 import numpy as np
 from msgspec import structs
 
-from cruise.control.controller import SLOPE_S
 from cruise.effects.gear_ratio import GearRatio
 from cruise.effects.grade import Grade
 from cruise.identification.structures import parse
@@ -27,7 +26,8 @@ from .courses import laid_over
 PERIOD_S: Final = 0.2  # s, at which a model is learned
 FINE_S: Final = 0.05
 SECOND_MPS: Final = 2.5  # m/s, top speed in second gear
-SLOPE: Final = frozenset({"grade.filter_s"})  # seen as the controller sees it
+SLOPE: Final = frozenset({"grade.filter_s"})
+SLOPE_S: Final = 0.4  # s, through which a slope is seen: the acceleration of one sample alone is noise
 LONGEST_DELAY_S: Final = 1.1
 LESSON_S: Final = 900.0  # s of driving by hand that teaches the model
 HAND_MA_PER_S: Final = 300.0  # mA/s, of a lever that is moved by hand
@@ -120,7 +120,7 @@ def learned(recording: Recording, gear_ratio: GearRatio, structure: str = STRUCT
     """The model that a recording in second gear teaches, with the gears.
 
     Fitted twice: that the pitch sensor takes acceleration for slope in full is known of an inclinometer, and no drive
-    over quick hills tells it; the second time the slope is seen through the lag through which the controller sees it.
+    over quick hills tells it; the second time the slope is seen through a lag.
     """
     begun = study([recording], parse(structure), None, PERIOD_S, at_their_rate=False)
     explanation = begun.base.explanation

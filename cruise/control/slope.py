@@ -1,0 +1,72 @@
+"""The slope of the ground, from an inclinometer that takes the machine's own acceleration for slope.
+
+    x = [v, a, S, R]'
+    v' = a,   a' = noise,   S' = R,   R' = -R / tau + noise,   measured: v + noise,   g_n sin(alpha) = S + r a + noise
+
+v ground speed in m/s, a acceleration in m/s2, S pull of the slope in m/s2 and R its rate in m/s3, alpha pitch as the
+sensor shows it, g_n = 9.81 m/s2, r share of the acceleration that the sensor takes for slope, tau time for which a
+slope goes on changing. Speed and pitch tell a and S apart by themselves: nothing of the drive is in it, so that an
+error of its model can't be taken for a hill. A Kalman filter (filterpy) in its steady state.
+"""
+
+import math
+from typing import Final
+
+import numpy as np
+from filterpy.kalman import KalmanFilter
+
+from cruise.effects.effect import GRAVITY_MPS2
+
+SPEED_NOISE_MPS: Final = 0.010  # m/s, of one mean over a frame
+PITCH_NOISE_MPS2: Final = 0.020  # m/s2, 0.11 degrees: of one mean over a frame, on a shaking chassis
+ACCEL_MPS2: Final = 1.5  # m/s2 after 1 s, how fast acceleration may come: the law allows 2 m/s3
+RATE_MPS3: Final = 0.2  # m/s3 after 1 s: 1.2 degrees per second
+LASTING_S: Final = 0.7  # tau, 1 m at a usual speed: waves shorter than the wheelbase are straddled
+SETTLED: Final = 1e-7  # change of the gain at which it has converged
+MOST_STEPS: Final = 2000
+
+
+class SlopeObserver:
+    """`pull_mps2` is the pull of the slope; NaN before the first sample."""
+
+    def __init__(self, acceleration_share: float, frame_s: float) -> None:
+        self.acceleration_share = acceleration_share
+        lasts = math.exp(-frame_s / LASTING_S)
+        found = KalmanFilter(dim_x=4, dim_z=2)
+        found.F = np.array(
+            [
+                [1.0, frame_s, 0.0, 0.0],
+                [0.0, 1.0, 0.0, 0.0],
+                [0.0, 0.0, 1.0, LASTING_S * (1.0 - lasts)],
+                [0, 0, 0, lasts],
+            ]
+        )
+        found.H = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, acceleration_share, 1.0, 0.0]])
+        found.R = np.diag([SPEED_NOISE_MPS, PITCH_NOISE_MPS2]) ** 2
+        found.Q = np.diag([0.0, ACCEL_MPS2, 0.0, RATE_MPS3]) ** 2 * frame_s
+        gain = np.zeros((4, 2))
+        for _ in range(MOST_STEPS):
+            found.predict()
+            found.update(np.zeros(2))
+            if np.abs(found.K - gain).max() < SETTLED:
+                break
+            gain = found.K
+        self._forward, self._gain = (np.eye(4) - found.K @ found.H) @ found.F, found.K
+        self.restart()
+
+    def restart(self) -> None:
+        """Nothing is known."""
+        self.state = np.full(4, math.nan)
+
+    @property
+    def pull_mps2(self) -> float:
+        """S, in m/s2, + uphill."""
+        return float(self.state[2])
+
+    def step(self, pitch_deg: float, speed_mps: float) -> float:
+        """One frame on: the slope in degrees, + uphill, for what sensor and speed show."""
+        seen_mps2 = GRAVITY_MPS2 * math.sin(math.radians(pitch_deg))
+        if math.isnan(self.pull_mps2):
+            self.state = np.array([speed_mps, 0.0, seen_mps2, 0.0])
+        self.state = self._forward @ self.state + self._gain @ (speed_mps, seen_mps2)
+        return math.degrees(math.asin(min(max(self.pull_mps2 / GRAVITY_MPS2, -1.0), 1.0)))

@@ -174,5 +174,6 @@ def hidden(found: Diagnosis) -> list[str]:
 def experiments(found: Diagnosis) -> list[str]:
     """The drives that would tell what is still open."""
     if found.verdict is Verdict.AMBIGUOUS:
-        return [f"`{name}`: {EFFECTS[name].about.experiment}" for name in found.effects]
+        drives = [f"`{name}`: {EFFECTS[name].about.experiment}" for name in found.effects]
+        return [*drives, "afterwards `cruise diagnose` with these recordings and the new ones together"]
     return [found.next_experiment] if found.next_experiment else []

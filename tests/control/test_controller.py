@@ -277,6 +277,33 @@ def test_the_acceleration_in_a_pitch_sensor_is_not_fed_back(share):
     assert np.abs(driven(knows, share) - driven(MODEL, 0.0)).max() < 6.0
 
 
+def test_an_engine_that_gives_way_to_the_drive_itself_is_no_trend():
+    """400 rpm per m/s2, an engine at its limit: what the trend of it would add comes when it is back already."""
+    loop = Loop(Machine()).by_hand(700.0, 20.0)
+    step, before = loop.machine.step, [loop.machine.speed_mps]
+
+    def drooping(current_ma: float) -> Sample:
+        sample = step(current_ma)
+        accel_mps2 = (sample.speed_mps - before[0]) / FRAME_S
+        before[0] = sample.speed_mps
+        loop.machine.rpm += 0.2 * (2100.0 - 400.0 * accel_mps2 - loop.machine.rpm)
+        return sample
+
+    loop.machine.step = drooping
+    loop.engaged(1.2, 10.0).engaged(1.8, 15.0)
+    assert max(loop.speeds) - 1.8 < 0.11
+
+
+def test_law_and_observer_know_the_pace_of_a_gear():
+    loop = Loop(Machine(gear=4)).by_hand(700.0, 20.0)
+    controller, pace = loop.controller, (2.5 / 7.5) ** 2
+    before_mps = controller.observer.disturbance_mps
+    controller.step(replace(loop.sample, speed_mps=loop.sample.speed_mps + 0.05), None)
+    _, gain = controller.observer.gains(controller.pole, pace)
+    learned_mps = controller.observer.disturbance_mps - before_mps
+    assert learned_mps == pytest.approx(gain * controller.observer.calm * controller.observer.innovation_mps)
+
+
 @pytest.mark.parametrize("frame_s", [0.03, 0.15, 0.4])
 def test_frames_that_do_not_fit_into_a_period_are_refused(frame_s):
     with pytest.raises(ValueError, match="must be a multiple"):

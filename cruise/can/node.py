@@ -26,7 +26,7 @@ from cruise.can.bus import Filter
 from cruise.can.frame import Frame
 from cruise.can.heartbeat import HEARTBEAT_CONSUMER, HEARTBEAT_ID, HeartbeatConsumer
 from cruise.can.node_network import Network, is_due, next_due
-from cruise.can.node_texts import NodeTexts
+from cruise.can.node_texts import MAX_BYTES, NodeTexts
 from cruise.settings import SettingsError
 from cruise.signals import SIGNALS, Reading
 
@@ -35,6 +35,8 @@ NMT_ID: Final = 0x000
 SDO_REQUEST_ID: Final = 0x600
 SDO_ANSWER_ID: Final = 0x580
 NOTHING_BEGUN: Final = bytes.fromhex("8000000001000405")  # SDO abort 0504 0001h: command specifier not valid
+TOO_MUCH: Final = bytes.fromhex("8000000005000405")  # SDO abort 0504 0005h: out of memory
+MOST_SEGMENTS: Final = 2 * MAX_BYTES // 7  # of a download; canopen's server collects as many as come
 ERROR_REGISTER: Final = 0x1001
 NMT_COMMANDS: Final = {1, 2, 128, 129, 130}  # start, stop, enter pre-operational, reset node, reset communication
 FAULT_STATE: Final = 3.0  # engagement_state
@@ -85,6 +87,7 @@ class CanopenNode:
         self._tpdo = self._node.tpdo[1]
         self._readings: list[Reading] = []
         self._received_s = 0.0
+        self._segments = 0  # of the download that is under way
         self._status_due_s = -math.inf
         self._panel = HeartbeatConsumer()
         self._errors: tuple[str, ...] = ()
@@ -138,6 +141,9 @@ class CanopenNode:
         if not self._concerns(frame):
             return ()
         self._received_s = frame.timestamp
+        if self._too_much(frame):
+            self._network.send_message(SDO_ANSWER_ID + self._node_id, TOO_MUCH)
+            return ()
         try:
             self._network.notify(frame.arbitration_id, frame.data, frame.timestamp)
         except struct.error:  # canopen's server can't name the object of a transfer that nobody has begun
@@ -147,6 +153,13 @@ class CanopenNode:
                 self._node.set_data(variable.index, variable.subindex, variable.data)
         readings, self._readings = tuple(self._readings), []
         return readings
+
+    def _too_much(self, frame: Frame) -> bool:
+        """Count the segments of a download."""
+        if frame.arbitration_id != SDO_REQUEST_ID + self._node_id or not frame.data:
+            return False
+        self._segments = 0 if frame.data[0] >> 5 else self._segments + 1  # 0: a segment of a download
+        return self._segments > MOST_SEGMENTS
 
     def tick(self, now_s: float, status: NodeStatus) -> list[Frame]:
         """Return what is to be sent at `now_s`: boot-up, heartbeat, status, answers to what was received."""

@@ -20,9 +20,7 @@ from cruise.effects.effect import GRAVITY_MPS2
 SPEED_NOISE_MPS: Final = 0.010  # m/s, of one mean over a frame
 PITCH_NOISE_MPS2: Final = 0.020  # m/s2, 0.11 degrees: of one mean over a frame, on a shaking chassis
 ACCEL_MPS2: Final = 1.5  # m/s2 after 1 s, how fast acceleration may come: the law allows 2 m/s3
-RATE_MPS3: Final = (
-    0.1  # m/s3 after 1 s: 0.6 degrees per second; with more, noise of the pitch moves the spool to and fro
-)
+RATE_MPS3: Final = 0.1  # m/s3 after 1 s, 0.6 degrees per second: with more the pitch's noise moves the spool
 LASTING_S: Final = 0.7  # tau, 1 m at a usual speed: waves shorter than the wheelbase are straddled
 SETTLED: Final = 1e-7  # change of the gain at which it has converged
 MOST_STEPS: Final = 2000
@@ -40,7 +38,7 @@ class SlopeObserver:
                 [1.0, frame_s, 0.0, 0.0],
                 [0.0, 1.0, 0.0, 0.0],
                 [0.0, 0.0, 1.0, LASTING_S * (1.0 - lasts)],
-                [0, 0, 0, lasts],
+                [0.0, 0.0, 0.0, lasts],
             ]
         )
         found.H = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, acceleration_share, 1.0, 0.0]])

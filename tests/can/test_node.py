@@ -156,6 +156,19 @@ def test_random_requests_and_what_nobody_began_raise_nothing():
         end.receive(frame(0, START))
 
 
+def test_a_download_without_an_end_is_cut_off():
+    end = started()
+    assert answered(end, "21002f0000000000") == "60002f0000000000", "a download of unknown length"
+    toggled = [f"{0x10 * (k % 2):02x}20202020202020" for k in range(1000)]
+    answers = [answered(end, one) for one in toggled]
+    assert answers[0].startswith("20"), "collected"
+    assert answers[-1] == "8000000005000405", "out of memory"
+    assert sum(len(one) // 2 for one in toggled[: answers.index(answers[-1])]) < 10_000
+    assert answered(end, "4017100000000000") == "4b171000f4010000", "it goes on answering"
+    assert answered(end, "21002f0000000000") == "60002f0000000000", "and another one may begin"
+    assert answered(end, toggled[0]).startswith("20")
+
+
 def test_sdo_reads_what_pdos_carry():
     end = started()
     end.receive(frame(0x211, "d00701"))

@@ -13,7 +13,7 @@ from tools.trial.__main__ import app
 from tools.trial.calibration import by_answer, calibrated, confidence, restated
 from tools.trial.effects import apart
 from tools.trial.plan import KINDS, Kind, Task, plan
-from tools.trial.score import Line, Share, brier_score, reliability, score
+from tools.trial.score import NEVER, Line, Share, brier_score, reliability, score
 from tools.trial.sizing import MOST_STEPS, RATIOS, Miss, Point, next_size, sized
 from tools.trial.trial import SECONDS, SIZES
 
@@ -168,7 +168,8 @@ def test_a_drive_that_does_not_excite_is_drawn_anew(monkeypatch):
     assert [why.partition(",")[0] for why in found.misses] == ["grade", "grade"]
     assert len(found.found) == 2
     never = run.hold(task("single", "grade", seed=4), ())
-    assert never.line.failed
+    assert never.line.failed == NEVER
+    assert not never.line.held
     assert len(never.line.misses) == run.MOST_DRIVES
     assert not never.line.right
 
@@ -271,9 +272,10 @@ def test_a_score_counted_by_hand():
         line("two", ("grade", "gear_ratio"), "missing", ("gear_ratio", "grade"), confidence=1.0, diagnosis_s=4.0),
         line("three", ("grade", "gear_ratio", "leakage"), "missing", ("grade",), confidence=0.2, diagnosis_s=4.0),
         line("single", ("dead_zone",), "", failed="boom", size="small"),
+        line("single", ("dead_zone",), "", failed=NEVER, misses=("c",), size="large"),
     ]
     found = score(lines)
-    assert (found.trials, found.failed, found.misses) == (10, 1, 2)
+    assert (found.trials, found.failed, found.misses, found.never) == (10, 1, 3, 1)
     assert found.first == {"small": Share(1, 2), "large": Share(1, 2)}
     assert found.exact == {"small": Share(1, 2), "large": Share(0, 2)}
     assert found.extras == Share(1, 2)

@@ -24,7 +24,7 @@ from . import experiment
 from .draw import draw
 from .effects import UNLISTED
 from .plan import NEXT_DRIVE, Task
-from .score import MOST_ALIKE, Line
+from .score import MOST_ALIKE, NEVER, Line
 from .simulate import Columns, simulate
 from .sizing import Miss, Point, begun, rms_mps, sized, with_truth
 from .trial import Trial
@@ -63,7 +63,7 @@ def hold(task: Task, known: Sequence[Found]) -> Held:
     begin_s = processor_s()
     answer = sealed(task, known)
     if answer.trial is None:
-        return Held(Line(task=task, misses=answer.misses, failed="no drive excites it so much"), answer.found)
+        return Held(Line(task=task, misses=answer.misses, failed=NEVER), answer.found)
     columns = simulate(answer.trial)
     if task.kind == "unlisted" and task.effects[0] in UNLISTED:
         true = begun(simulate(answer.trial.without())).base

@@ -28,6 +28,7 @@ Z: Final = 1.96  # standard deviations: 95 % intervals
 MOST_ALIKE: Final = 2  # effects in an ambiguous verdict that still says something
 TENTHS: Final = 10
 NOT_DECIDED: Final = "ambiguous"
+NEVER: Final = "no drive excites it so much"
 OTHER_SIGNAL: Final = "unlisted, other signal"
 
 
@@ -51,6 +52,11 @@ class Line(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     true_mps: float = 0.0  # of the model with the true structure
     diagnosis_s: float = 0.0  # CPU
     trial_s: float = 0.0  # CPU, for size, recording and true structure
+
+    @property
+    def held(self) -> bool:
+        """Whether there was a recording: what no drive shows asks the program nothing."""
+        return self.failed != NEVER
 
     @property
     def right(self) -> bool:
@@ -141,6 +147,7 @@ class Score:
     trials: int
     failed: int
     misses: int  # drives that were drawn anew
+    never: int  # trials that could not be held, as no drive shows so much of the effect; they count nowhere else
     first: Mapping[str, Share]  # by size
     exact: Mapping[str, Share]
     extras: Share  # among those whose first effect is right
@@ -159,8 +166,9 @@ class Score:
     diagnosis_s: Mapping[str, float]  # median and worst
 
 
-def score(lines: Sequence[Line]) -> Score:
+def score(drawn: Sequence[Line]) -> Score:
     """Count."""
+    lines = [line for line in drawn if line.held]
     of = {kind: [line for line in lines if line.task.kind == kind] for kind in ("single", "nothing", "two", "three")}
     unlisted = [line for line in lines if line.task.kind == "unlisted"]
     sizes = [size for size in ("small", "medium", "large") if any(one.task.size == size for one in of["single"])]
@@ -171,7 +179,8 @@ def score(lines: Sequence[Line]) -> Score:
     return Score(
         trials=len(lines),
         failed=len(lines) - len(ran),
-        misses=sum(len(line.misses) for line in lines),
+        misses=sum(len(line.misses) for line in drawn),
+        never=len(drawn) - len(lines),
         first={size: share(sized[size], lambda line: line.first) for size in sizes},
         exact={size: share(sized[size], lambda line: line.right) for size in sizes},
         extras=share([line for line in of["single"] if line.first], lambda line: not line.right),

@@ -15,7 +15,8 @@ PAPER: Final = 140  # characters, width of the tables in a file
 def show(score: Score) -> None:
     """Print it."""
     console = Console(width=None if sys.stdout.isatty() else PAPER, highlight=False)
-    console.print(f"{score.trials} trials, {score.failed} failed, {score.misses} drives drawn anew")
+    never = f", {score.never} more that no drive shows so large" if score.never else ""
+    console.print(f"{score.trials} trials, {score.failed} failed, {score.misses} drives drawn anew{never}")
     table = Table("", "share", "of", "95 % interval", title="right", title_justify="left")
     for name, share in shares(score).items():
         low, high = share.interval
@@ -63,6 +64,7 @@ def as_json(score: Score) -> dict[str, Any]:
         "trials": score.trials,
         "failed": score.failed,
         "misses": score.misses,
+        "never": score.never,
         "shares": {name: _share(share) for name, share in shares(score).items()},
         "brier": _number(score.brier),
         "base_rate": _number(score.base_rate),

@@ -1,7 +1,7 @@
 """The machines that are driven, and the drive on which one of them is learned.
 
-`factory` is the machine from which the factory's model was made. `other` is the next one off the line, worn: it is what
-the figures are claimed on. Nothing of the controller was chosen on it; the drivers were developed on `factory`.
+`factory` is the machine from which the factory's model was made. `other` is the next one off the line, worn. The
+controller's settings were chosen on both with seeds 5 and 6; what is claimed is claimed on other seeds.
 """
 
 from dataclasses import dataclass, replace

@@ -7,7 +7,7 @@ from typing import Final
 from cruise.validation.candidates import UNNAMED
 from cruise.validation.foretold import CHANCE, Foretold
 from cruise.validation.search import Judged
-from cruise.validation.selection import FURTHER, LEAST_FURTHER, Selected, curved_over
+from cruise.validation.selection import FURTHER, LEAST_FURTHER, Selected
 from cruise.validation.trying import BEYOND_DOUBT, ENOUGH, LEAST_GAIN, Step
 
 LEAST_FORETOLD: Final = 0.15  # of the first loss, that the catch-all must foretell for something to be missing,
@@ -48,11 +48,9 @@ def confidence_of(margin: float, answer: str) -> float:
 
 def margin_of_the_end(found: Selected) -> float:
     """Evidence by which the search was short of going on or of ending earlier; for a curve, by which it has a say."""
-    first, last = found.steps[0].tried, found.steps[-1].tried
+    last = found.steps[-1].tried
     if found.curved:
-        mine = next(one for one in first if one.name == found.chosen[0])
-        named = [one.counted for one in first if not one.name.startswith(UNNAMED)]
-        return mine.counted - curved_over(mine) - max(named, default=0.0)
+        return found.curve_margin
     enough, least = (FURTHER, LEAST_FURTHER) if found.chosen else (ENOUGH, LEAST_GAIN)
     rest = [one for one in last if one.name not in found.chosen and not one.name.startswith(UNNAMED)]
     short = [max(enough - one.counted, enough * (1.0 - max(one.gain, 0.0) / least)) for one in rest]

@@ -18,6 +18,8 @@ LEAST_FURTHER: Final = 0.25  # likewise, of the present loss,
 LEAST_SHARE: Final = 0.04  # and of the loss before the effect that was found last, whose form may be as wrong
 LEAST_CURVED: Final = 0.45  # of the loss, that a free curve must explain to have the word
 CURVED: Final = (60.0, 0.05)  # evidence, and share of it, by which a free curve must exceed all effects
+FAR: Final = 0.4  # of what all effects leave: a curve that leaves less has the word with as much evidence,
+ABOUT: Final = 0.1  # as much but for this share of it
 SAME_SIGNAL: Final = 0.85  # of what a curve takes away: an effect of the same signal that takes as much is the curve
 SUPERFLUOUS: Final = 0.5  # of ENOUGH: what an effect must still bring beside the others
 MOST_EFFECTS: Final = 4
@@ -32,6 +34,7 @@ class Selected:
     chosen: tuple[str, ...]  # names of effects, in order, or of one curve
     final: Judged
     refused: tuple[Refused, ...]
+    curve_margin: float = 0.0  # evidence, or what stands for it, by which the curve has the word
 
     @property
     def curved(self) -> bool:
@@ -47,7 +50,8 @@ class Selected:
 def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
     """Add the best effect while it brings enough; after each, drop what it makes superfluous.
 
-    A curve without physics for which there is much more evidence than for all effects together has the word in the end.
+    A curve without physics has the word in the end where there is much more evidence for it than for all effects
+    together, or as much and it leaves far less of the error.
     """
     search, present = study.search, study.base
     steps: list[Step] = []
@@ -80,9 +84,9 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
     if steps[0].unrecorded:
         shows = next(one for one in steps[0].tried if one.name == steps[0].unrecorded)
         return Selected(tuple(steps), (), shows.judged, tuple(refused))
-    curve = _curve(steps[0], together(steps[0], present, chosen) if chosen else 0.0)
+    curve, margin = _curve(steps[0], together(steps[0], present, chosen) if chosen else 0.0, present.loss)
     if curve is not None:
-        return Selected(tuple(steps), (curve.name,), curve.judged, tuple(refused))
+        return Selected(tuple(steps), (curve.name,), curve.judged, tuple(refused), margin)
     return Selected(tuple(steps), tuple(chosen), present, tuple(refused))
 
 
@@ -92,26 +96,28 @@ def _little(further: Tried, present: Judged, before: Judged) -> bool:
     return further.counted < FURTHER or further.gain < LEAST_FURTHER or brings < LEAST_SHARE * before.loss
 
 
-def _curve(first: Step, chosen: float) -> Tried | None:
-    """The curve without physics that has the word, if one has; `chosen` is the evidence for the effects together."""
+def _curve(first: Step, chosen: float, left: float) -> tuple[Tried | None, float]:
+    """The curve without physics that has the word, if one has, and by which margin.
+
+    `chosen` is the evidence for the effects together, `left` the loss that they leave.
+    """
     curves = [one for one in first.tried if one.name.startswith(UNNAMED)]
     named = [one for one in first.tried if not one.name.startswith(UNNAMED)]
     best = max(curves, key=counted, default=None)
     if best is None or best.gain < LEAST_CURVED or not enough(best):
-        return None
-    if max(chosen, *(one.counted for one in named)) >= best.counted - curved_over(best):
-        return None
+        return None, 0.0
+    effects = max(chosen, *(one.counted for one in named))
+    margin = best.counted - CURVED[0] - CURVED[1] * best.counted - effects
+    if effects <= (1.0 + ABOUT) * best.counted:
+        margin = max(margin, ENOUGH * (1.0 - best.judged.loss / (FAR * left)))
+    if margin <= 0.0:
+        return None, 0.0
     mine = best.name.removeprefix(UNNAMED)
     same = [one for one in named if mine in EFFECTS[one.name].needs and mine != OUTPUT and enough(one)]
     taken = [(first.before.loss - one.judged.loss) / (first.before.loss - best.judged.loss) for one in same]
-    return None if max(taken, default=0.0) >= SAME_SIGNAL else best
+    return (None, 0.0) if max(taken, default=0.0) >= SAME_SIGNAL else (best, margin)
 
 
 def together(first: Step, one: Judged, names: Sequence[str]) -> float:
     """Evidence for several effects at once, against the model as it was first."""
     return first.background.evidence_of(one.fit, names) + held_out(first.before, one)
-
-
-def curved_over(one: Tried) -> float:
-    """Evidence by which a curve must exceed all effects."""
-    return CURVED[0] + CURVED[1] * one.counted

@@ -114,7 +114,7 @@ def tried_beside(
     credit = {one.name: one.credit for one in everyone}
     others = [one for one in judged if one.candidate not in MEDIATORS]
     causes = [one.loss for one in others if credit[one.candidate] == 1.0]
-    through = {f"{UNNAMED}{signal}" for name in MEDIATORS for signal in EFFECTS[name].needs}
+    through = {f"{UNNAMED}{signal}" for name in MEDIATORS if name in EFFECTS for signal in EFFECTS[name].needs}
     direct = [one for one in (*others, *elsewhere) if one.candidate not in through]
     unrecorded = ""
     for one in judged:

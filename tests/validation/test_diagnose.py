@@ -9,12 +9,13 @@ from cruise.effects import EFFECTS
 from cruise.effects.dead_zone import DeadZone
 from cruise.identification.structures import parse
 from cruise.report.diagnosis import sentence
+from cruise.validation import selection
 from cruise.validation.candidates import UNNAMED
 from cruise.validation.confidence import CURVES, LEAST_FORETOLD, answer_of, confidence_of
 from cruise.validation.diagnose import Diagnosis, Verdict, diagnose
 from cruise.validation.foretold import CHANCE
 from cruise.validation.study import Study, study
-from cruise.validation.trying import ALIKE, LEAST_GAIN
+from cruise.validation.trying import ALIKE, LEAST_GAIN, Tried
 from tests.validation.driving import GRAVITY_MPS2, drive, wander
 from tools.trial.run import table_without
 
@@ -93,6 +94,21 @@ def test_what_depends_on_a_column_that_no_effect_reads_is_unlisted(unlisted):
 
 
 EVERY = pytest.mark.parametrize("which", ["nothing", "grade", "dead_zone", "unlisted"])
+
+
+def test_a_curve_that_leaves_far_less_error_has_the_word_with_as_much_evidence(unlisted):
+    first = unlisted.steps[0]
+    curve, rival = first.tried[0], next(one for one in first.tried if not one.name.startswith(UNNAMED))
+    step = replace(first, tried=(curve, replace(rival, evidence=curve.evidence)))
+
+    def word(left: float) -> tuple[Tried | None, float]:
+        return selection._curve(step, curve.evidence, left)
+
+    assert word(curve.judged.loss / 0.3)[0] is curve
+    assert word(curve.judged.loss / 0.1)[1] > word(curve.judged.loss / 0.3)[1] > 0.0, "the farther the surer"
+    assert word(curve.judged.loss / 0.5) == (None, 0.0), "not far"
+    more = replace(first, tried=(curve, replace(rival, evidence=1.2 * curve.evidence)))
+    assert selection._curve(more, 0.0, curve.judged.loss / 0.1) == (None, 0.0), "there is more evidence for an effect"
 
 
 @EVERY

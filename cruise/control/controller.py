@@ -104,7 +104,13 @@ class Controller:
         self.plan: Plan | None = None
         self.engaged = False
         self.limited = ""
+        self._sent_ma = 0.0
         self._drive_with(model)
+
+    @property
+    def upset(self) -> bool:
+        """Whether what is kept twice is no longer the same: nothing in the program did that."""
+        return self.observer.upset or (self.engaged and self.limits.last_ma != self._sent_ma)
 
     def adopt(self, model: Model) -> None:
         """Drive with other parameters of the same structure from now on, without a bump."""
@@ -138,6 +144,7 @@ class Controller:
         if current_ma != shaped_ma:
             self.shaper.reset(current_ma)
             self.limited = "current or its rate"
+        self._sent_ma = current_ma
         return Command(
             current_ma, self.reference.speed_mps, self.observer.disturbance_mps, self.limited, self._limit_status()
         )

@@ -73,7 +73,7 @@ class Seen:
     faulty_share: float  # of the last frames of the worst protected message
     imposters: int  # frames of our own messages that we did not send
     wavering: int  # times in the last second that the setpoint went back to the one before
-    upset: bool  # what is kept twice, the state of the observer and the model, is no longer the same
+    upset: bool  # what is kept twice (state of the observer, model, current sent last) is no longer the same
     pace: float  # mean time between two ticks over the period
 
 

@@ -258,7 +258,7 @@ class CruiseNode:
             faulty_share=self.hearing.faulty_share,
             imposters=self.hearing.imposters,
             wavering=self.hearing.wavering(frame.time_s),
-            upset=controller.observer.upset or controller.adopted is not self.supervisor.driving,
+            upset=controller.upset or controller.adopted is not self.supervisor.driving,
             pace=self.pace.slowness,
         )
 

@@ -96,6 +96,21 @@ def test_it_is_neutral_until_it_is_engaged_and_again_after():
     assert loop.controller.limits.last_ma == 0.0
 
 
+def test_a_past_of_the_limits_that_changed_by_itself_is_seen_before_it_acts():
+    loop = Loop(Machine()).by_hand(700.0, 10.0)
+    for _ in range(40):
+        assert not loop.controller.upset
+        loop.engaged(1.3, FRAME_S)
+    loop.by_hand(650.0, 1.0).engaged(1.3, 1.0)
+    assert not loop.controller.upset, "nor after it took over anew"
+    loop.controller.limits.last_ma += 200.0
+    assert loop.controller.upset
+    loop.controller.limits.last_ma = math.nan
+    assert loop.controller.upset
+    loop.by_hand(650.0, FRAME_S)
+    assert not loop.controller.upset, "neutral has no past"
+
+
 def test_taking_over_makes_no_bump():
     loop = Loop(Machine(gain=3.3e-3, load_mps=-0.05)).by_hand(700.0, 20.0)
     present_mps = loop.machine.speed_mps

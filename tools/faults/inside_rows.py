@@ -99,5 +99,7 @@ INSIDE: Final = (
     FaultRow("estimator not a number", "NaN", "errors 3 s ahead", lambda r: insides.Nonsense(math.nan)),
     FaultRow("driving model upset", "gain 0.2 to 5, or negative", "kept twice", _upset_model),
     FaultRow("disturbance upset", "by up to 50 m/s, or NaN", MODEL, _upset_disturbance),
-    FaultRow("limits upset", "their past is another", COMMAND, lambda r: insides.Upset(last_ma=r.uniform(1.0, 1200.0))),
+    FaultRow(
+        "limits upset", "their past is another", "kept twice", lambda r: insides.Upset(last_ma=r.uniform(1.0, 1200.0))
+    ),
 )

@@ -19,10 +19,8 @@ import msgspec
 import numpy as np
 from filterpy.kalman import KalmanFilter
 
+from cruise.control.steady_gain import steady_gain
 from cruise.settings import Positive
-
-SETTLED = 1e-7  # relative change of the gain at which it has converged
-MOST_STEPS = 2000
 
 
 class ObserverSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -97,14 +95,8 @@ class DisturbanceObserver:
         found.H = np.array([[1.0, 0.0]])
         found.R *= settings.speed_noise_mps**2
         found.Q = np.diag([settings.model_noise_mps, math.sqrt(pace) * settings.disturbance_mps]) ** 2 * self.frame_s
-        gain = np.zeros((2, 1))
-        for _ in range(MOST_STEPS):
-            found.predict()
-            found.update(np.zeros((1, 1)))
-            if np.abs(found.K - gain).max() < SETTLED:
-                break
-            gain = found.K
-        return float(found.K[0, 0]), float(found.K[1, 0])
+        speed, disturbance = steady_gain(found)[:, 0].tolist()
+        return speed, disturbance
 
     def shift(self, disturbance_mps: float) -> None:
         """Move the disturbance by what a change of the model explains differently, so that the change makes no bump."""

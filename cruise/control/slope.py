@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 from filterpy.kalman import KalmanFilter
 
+from cruise.control.steady_gain import steady_gain
 from cruise.effects.effect import GRAVITY_MPS2
 
 SPEED_NOISE_MPS: Final = 0.010  # m/s, of one mean over a frame
@@ -22,8 +23,6 @@ PITCH_NOISE_MPS2: Final = 0.020  # m/s2, 0.11 degrees: of one mean over a frame,
 ACCEL_MPS2: Final = 1.5  # m/s2 after 1 s, how fast acceleration may come: the law allows 2 m/s3
 RATE_MPS3: Final = 0.1  # m/s3 after 1 s, 0.6 degrees per second: with more the pitch's noise moves the spool
 LASTING_S: Final = 0.7  # tau, 1 m at a usual speed: waves shorter than the wheelbase are straddled
-SETTLED: Final = 1e-7  # change of the gain at which it has converged
-MOST_STEPS: Final = 2000
 
 
 class SlopeObserver:
@@ -44,14 +43,8 @@ class SlopeObserver:
         found.H = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, acceleration_share, 1.0, 0.0]])
         found.R = np.diag([SPEED_NOISE_MPS, PITCH_NOISE_MPS2]) ** 2
         found.Q = np.diag([0.0, ACCEL_MPS2, 0.0, RATE_MPS3]) ** 2 * frame_s
-        gain = np.zeros((4, 2))
-        for _ in range(MOST_STEPS):
-            found.predict()
-            found.update(np.zeros(2))
-            if np.abs(found.K - gain).max() < SETTLED:
-                break
-            gain = found.K
-        self._forward, self._gain = (np.eye(4) - found.K @ found.H) @ found.F, found.K
+        gain = steady_gain(found)
+        self._forward, self._gain = (np.eye(4) - gain @ found.H) @ found.F, gain
         self.restart()
 
     def restart(self) -> None:

@@ -177,28 +177,37 @@ def test_run_stops_with_neutral_on_a_signal(verb, tmp_path, monkeypatch):
     assert len(sent) > 10
 
 
-def test_run_reads_its_settings_again_and_keeps_the_old_ones_where_they_are_wrong(verb, tmp_path, monkeypatch):
+def _while_it_runs(monkeypatch, happens) -> None:
+    """Have something happen whenever the service asks whether it goes on; the ninth time it is stopped."""
     from cruise.cli import run
 
+    calls = 0
+
+    def goes_on(running) -> bool:
+        nonlocal calls
+        calls += 1
+        happens(running, calls)
+        if calls == 9:
+            running._stop(2, None)
+        return not (running.stopped or running.reload)
+
+    monkeypatch.setattr(run.Running, "__call__", goes_on)
+
+
+def test_run_reads_its_settings_again_and_keeps_the_old_ones_where_they_are_wrong(verb, tmp_path, monkeypatch):
     config = tmp_path / "cruise.yaml"
     text = f"model: {CONFIG / 'factory_model.yaml'}\ndatabase: {CONFIG / 'cruise.dbc'}\ncan: {{bus: virtual}}\n"
     config.write_text(text)
-    calls = 0
 
-    def goes_on(self) -> bool:
-        nonlocal calls
-        calls += 1
+    def happens(running, calls: int) -> None:
         if calls == 3:
             config.write_text(text + "control: {frame_s: 0.1}\n")
         if calls == 6:
             config.write_text(text + "misspelt: 1\n")
         if calls in (3, 6):
-            self._reload(1, None)
-        if calls == 9:
-            self._stop(2, None)
-        return not (self.stopped or self.reload)
+            running._reload(1, None)
 
-    monkeypatch.setattr(run.Running, "__call__", goes_on)
+    _while_it_runs(monkeypatch, happens)
     code, out, err = verb("run", config, "--quiet")
     assert code == 0
     assert [line.split()[-2] for line in out.splitlines() if "command every" in line] == ["0.05", "0.1", "0.1"]
@@ -211,7 +220,6 @@ def test_run_goes_on_with_what_a_master_writes(verb, tmp_path, monkeypatch):
     from cruise.can.bus import open_bus
     from cruise.can.frame import Frame
     from cruise.can.settings import CanSettings
-    from cruise.cli import run
 
     config = tmp_path / "cruise.yaml"
     config.write_text(
@@ -224,20 +232,14 @@ def test_run_goes_on_with_what_a_master_writes(verb, tmp_path, monkeypatch):
     for k, part in enumerate(segments):  # CiA 301, 7.2.4.3.4: toggle bit, bytes not used, last one
         command = k % 2 << 4 | 7 - len(part) << 1 | (k == len(segments) - 1)
         requests.append(bytes([command]) + part.ljust(7, b"\x00"))
-    calls = 0
 
-    def goes_on(self) -> bool:
-        nonlocal calls
-        calls += 1
+    def happens(running, calls: int) -> None:
         if calls == 3:
             with open_bus(CanSettings()) as master:
                 for request in requests:
                     master.send(Frame(0.0, 0x611, is_extended_id=False, data=request))
-        if calls == 9:
-            self._stop(2, None)
-        return not (self.stopped or self.reload)
 
-    monkeypatch.setattr(run.Running, "__call__", goes_on)
+    _while_it_runs(monkeypatch, happens)
     code, out, err = verb("run", config, "--quiet")
     assert code == 0
     assert [line.split()[-2] for line in out.splitlines() if "command every" in line] == ["0.05", "0.1"]

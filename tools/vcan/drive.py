@@ -5,13 +5,14 @@
 The figures are of the same names and by the same code as those of `cruise demo`; `--json` gives them as JSON.
 """
 
-import argparse
 import json
 import os
 import time
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+import typer
 from msgspec import structs
 
 from cruise.cli.places import CONFIG
@@ -64,22 +65,21 @@ def _side_by_side(truth: dict[str, np.ndarray], known: dict[str, np.ndarray], fr
     return {"time_s": time_s - time_s[0]} | at(truth) | at(known)
 
 
-def main() -> None:
-    """Drive and print."""
-    parser = argparse.ArgumentParser(prog="tools.vcan.drive", description="`cruise demo` by four processes on a bus.")
-    parser.add_argument("--seconds", type=float, default=180.0)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--out", type=Path, default=Path("out"), help="folder for the recorder's log and the rest")
-    parser.add_argument("--json", action="store_true", dest="as_json")
-    given = parser.parse_args()
-    given.out.mkdir(parents=True, exist_ok=True)
-    report = run(settings(), given.seconds, given.seed, given.out)
-    if given.as_json:
-        print(json.dumps(report, indent=2))  # noqa: T201
+def main(
+    seconds: Annotated[float, typer.Option(min=1.0, help="Of the drive, in real time.")] = 180.0,
+    seed: Annotated[int, typer.Option(min=0, help="Of the sensors' noise and the ground.")] = 1,
+    out: Annotated[Path, typer.Option(help="Folder for the recorder's log and the rest.")] = Path("out"),
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+) -> None:
+    """`cruise demo` by four processes on a bus."""
+    out.mkdir(parents=True, exist_ok=True)
+    report = run(settings(), seconds, seed, out)
+    if as_json:
+        typer.echo(json.dumps(report, indent=2))
         return
     for name, value in report.items():
-        print(f"{name:28} {value}")  # noqa: T201
+        typer.echo(f"{name:28} {value}")
 
 
 if __name__ == "__main__":
-    main()
+    typer.run(main)

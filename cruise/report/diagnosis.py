@@ -11,7 +11,7 @@ from cruise.report.evidence import SURE, Number
 from cruise.validation.candidates import UNNAMED
 from cruise.validation.diagnose import SEED, Diagnosis, Verdict
 from cruise.validation.search import Judged, sureness
-from cruise.validation.trying import LEAST_GAIN, Tried
+from cruise.validation.trying import LEAST_GAIN, Tried, step_of
 
 
 def sentence(found: Diagnosis) -> str:
@@ -101,13 +101,8 @@ def look_alikes(found: Diagnosis) -> list[str]:
 
 def _step_of(found: Diagnosis, name: str) -> dict[str, Tried]:
     """Everything that was tried in the step at which an effect was found."""
-    steps = [step for step in found.steps if step.tried and step.tried[0].name == name]
-    return {one.name: one for one in (steps or found.steps)[0].tried} | {"": _mine(found, name)}
-
-
-def _mine(found: Diagnosis, name: str) -> Tried:
-    steps = [step for step in found.steps if step.tried and step.tried[0].name == name]
-    return next(one for one in (steps or found.steps)[0].tried if one.name == name)
+    tried = {one.name: one for one in step_of(found.steps, name).tried}
+    return tried | {"": tried[name]}
 
 
 def _runner_up(found: Diagnosis, name: str) -> list[str]:

@@ -16,7 +16,7 @@ from cruise.validation.explanation import CORE, RESONANCE, Explanation
 from cruise.validation.noise_floor import NoiseFloor, noise_floor
 from cruise.validation.search import Judged
 from cruise.validation.study import Study
-from cruise.validation.trying import Tried
+from cruise.validation.trying import Tried, tried_in
 
 AT_BOUND: Final = 1e-3  # of the range between the bounds: a solver that stays inside comes no closer
 SURE: Final = 2.0  # standard errors
@@ -67,7 +67,7 @@ def members(explanation: Explanation) -> tuple[str, ...]:
 
 def first_tried(found: Diagnosis, name: str) -> Tried | None:
     """An effect beside the model as it was given; None where it was not tried."""
-    return next((one for one in found.steps[0].tried if one.name == name), None)
+    return tried_in(found.steps[0], name)
 
 
 def best_named(found: Diagnosis) -> Tried | None:

@@ -8,7 +8,7 @@ from cruise.validation.candidates import UNNAMED
 from cruise.validation.foretold import CHANCE, Foretold
 from cruise.validation.search import Judged
 from cruise.validation.selection import FURTHER, LEAST_FURTHER, Selected
-from cruise.validation.trying import BEYOND_DOUBT, ENOUGH, LEAST_GAIN, Step
+from cruise.validation.trying import BEYOND_DOUBT, ENOUGH, LEAST_GAIN, Step, asked, step_of, tried_in
 
 LEAST_FORETOLD: Final = 0.15  # of the first loss, that the catch-all must foretell for something to be missing,
 LEAST_BESIDE: Final = 0.25  # and of what the named effects explain, for them to be no more than substitutes
@@ -54,6 +54,6 @@ def margin_of_the_end(found: Selected) -> float:
     enough, least = (FURTHER, LEAST_FURTHER) if found.chosen else (ENOUGH, LEAST_GAIN)
     rest = [one for one in last if one.name not in found.chosen and not one.name.startswith(UNNAMED)]
     short = [max(enough - one.counted, enough * (1.0 - max(one.gain, 0.0) / least)) for one in rest]
-    chosen = [next(one for step in found.steps for one in step.tried if one.name == name) for name in found.chosen]
-    over = [one.counted - ENOUGH for one in chosen if one.sureness < BEYOND_DOUBT]
+    chosen = [tried_in(step_of(found.steps, name), name) for name in found.chosen]
+    over = [one.counted - asked(one.gain) for one in chosen if one is not None and one.sureness < BEYOND_DOUBT]
     return max(min([*short, *over], default=enough), LEAST_MARGIN)

@@ -29,6 +29,7 @@ SEED: Final = 20051  # of the bootstrap
 RECORD_MORE: Final = (
     "record what else could move the machine, such as slope, load, wind or soil, and drive the same again"
 )
+TWO: Final = 2  # effects between which an ambiguous verdict asks for an experiment, though more may look alike
 FARTHEST: Final = -50.0  # exponent of the share of doubt that falls on a candidate
 
 
@@ -120,7 +121,7 @@ def diagnose(study: Study, show: Show = lambda text: None) -> Diagnosis:
     elif not named:
         verdict = Verdict.NOTHING
     elif len(named) == 1 and alike:
-        verdict, effects = Verdict.AMBIGUOUS, alike[0]
+        verdict, effects = Verdict.AMBIGUOUS, alike[0][:TWO]
         words = " ".join(f"{name}: {EFFECTS[name].about.experiment}." for name in effects)
     else:
         words = EFFECTS[named[0]].about.experiment

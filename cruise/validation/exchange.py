@@ -9,7 +9,19 @@ from cruise.effects import EFFECTS
 from cruise.validation.candidates import UNNAMED, candidates, without
 from cruise.validation.selection import Selected
 from cruise.validation.study import Study
-from cruise.validation.trying import ALIKE, ENOUGH, LEAST_GAIN, LOOSE, Show, Tried, ahead, counted, tried_beside
+from cruise.validation.trying import (
+    ALIKE,
+    ENOUGH,
+    LEAST_GAIN,
+    LOOSE,
+    Show,
+    Tried,
+    ahead,
+    asked,
+    counted,
+    step_of,
+    tried_beside,
+)
 
 TWIN: Final = 1.05  # of the loss: a look-alike that errs no more can't be told apart,
 LIKELY: Final = 0.6  # if there is so much of the evidence for it
@@ -32,7 +44,7 @@ def exchanged(study: Study, name: str, found: Selected, rng: np.random.Generator
     else:
         rest = without(found.final.explanation, name)
         before = study.search.judged("", study.search.fitted(rest))
-        step = next(one for one in found.steps if any(tried.name == name for tried in one.tried))
+        step = step_of(found.steps, name)
         best = [one.name for one in step.tried if one.name not in found.chosen and not one.name.startswith(UNNAMED)][
             :RIVALS
         ]
@@ -45,7 +57,7 @@ def exchanged(study: Study, name: str, found: Selected, rng: np.random.Generator
         one.name
         for one in others
         if one.gain >= LEAST_GAIN
-        and one.counted > max(mine.counted - ALIKE, ENOUGH)
+        and one.counted > max(mine.counted - ALIKE, asked(one.gain))
         and one.judged.loss < LOOSE * mine.judged.loss
     )
     rivals = [one for one in others if one.gain >= LEAST_GAIN]
@@ -58,4 +70,8 @@ def exchanged(study: Study, name: str, found: Selected, rng: np.random.Generator
 def _twins(mine: Tried, other: Tried) -> bool:
     """Whether physics calls the other a look-alike, it errs no more, and evidence for it is not far less."""
     known = other.name in EFFECTS[mine.name].about.look_alikes or mine.name in EFFECTS[other.name].about.look_alikes
-    return known and other.judged.loss < TWIN * mine.judged.loss and other.counted > LIKELY * max(mine.counted, ENOUGH)
+    return (
+        known
+        and other.judged.loss < TWIN * mine.judged.loss
+        and other.counted > LIKELY * max(mine.counted, asked(mine.gain))
+    )

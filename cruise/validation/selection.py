@@ -1,27 +1,41 @@
 """Stepwise selection: the best effect is added while it brings enough; what it makes superfluous is dropped again."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
 from cruise.effects import EFFECTS
 from cruise.signals import OUTPUT
-from cruise.validation.candidates import UNNAMED, Refused, candidates, unnamed, without
+from cruise.validation.candidates import MEDIATORS, UNNAMED, Refused, candidates, unnamed, without
 from cruise.validation.search import Judged
 from cruise.validation.study import Study
-from cruise.validation.trying import ENOUGH, Show, Step, Tried, close, counted, enough, held_out, tried_beside
+from cruise.validation.trying import (
+    ENOUGH,
+    LEAST_GAIN,
+    MUCH,
+    Show,
+    Step,
+    Tried,
+    close,
+    counted,
+    enough,
+    held_out,
+    tried_beside,
+)
 
 FURTHER: Final = 75.0  # evidence from which a further effect is one, as no form of the first is exact,
 LEAST_FURTHER: Final = 0.25  # likewise, of the present loss,
-LEAST_SHARE: Final = 0.04  # and of the loss before the effect that was found last, whose form may be as wrong
+LEAST_SHARE: Final = 0.04  # and of the loss before the effect that was found last, whose form may be as wrong;
+PLAINLY: Final = (40.0, 0.3, 0.1)  # or less evidence where it takes more of both: no wrong form leaves so much
 LEAST_CURVED: Final = 0.45  # of the loss, that a free curve must explain to have the word
 CURVED: Final = (60.0, 0.05)  # evidence, and share of it, by which a free curve must exceed all effects
 FAR: Final = 0.4  # of what all effects leave: a curve that leaves less has the word with as much evidence,
 ABOUT: Final = 0.1  # as much but for this share of it
 SAME_SIGNAL: Final = 0.85  # of what a curve takes away: an effect of the same signal that takes as much is the curve
 SUPERFLUOUS: Final = 0.5  # of ENOUGH: what an effect must still bring beside the others
+HOPEFUL: Final = (10.0, 3)  # evidence from which an effect that is not enough may be one of two, and how many may
 MOST_EFFECTS: Final = 4
 MOST_STEPS: Final = 8  # two effects that drop each other would go on for ever
 
@@ -69,10 +83,17 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
             break
         worthy = [one for one in step.tried if not one.name.startswith(UNNAMED) and enough(one)]
         if not worthy:
-            break
+            pair = _pair(study, step, rng, show) if not chosen else None
+            if pair is None:
+                break
+            steps[-1:] = [replace(step, taken=pair.first.name), replace(pair.step, taken=pair.second.name)]
+            chosen += [pair.first.name, pair.second.name]
+            present = pair.second.judged
+            continue
         best = min((one for one in worthy if close(worthy[0], one)), key=lambda one: one.judged.loss)
         if chosen and _little(best, present, steps[-2].before):
             break
+        steps[-1] = replace(step, taken=best.name)
         chosen.append(best.name)
         present = best.judged
         for name in chosen[:-1]:
@@ -93,7 +114,37 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
 def _little(further: Tried, present: Judged, before: Judged) -> bool:
     """Whether a further effect may be no more than a wrong form of the last one; `before` is without that one."""
     brings = present.loss - further.judged.loss
+    evidence, share, of_both = PLAINLY
+    if further.gain >= share and brings >= of_both * before.loss:
+        return further.counted < evidence
     return further.counted < FURTHER or further.gain < LEAST_FURTHER or brings < LEAST_SHARE * before.loss
+
+
+@dataclass(frozen=True, eq=False)
+class _Pair:
+    """Two effects of which none is enough alone; `step` tried the second beside the first."""
+
+    first: Tried
+    step: Step
+    second: Tried
+
+
+def _pair(study: Study, alone: Step, rng: np.random.Generator, show: Show) -> _Pair | None:
+    """The two effects that are enough together, where none is alone: each hides what the other explains."""
+    least, most = HOPEFUL
+    named = [one for one in alone.tried if not one.name.startswith(UNNAMED)]
+    hopeful = [one for one in named if one.counted >= least and one.gain >= LEAST_GAIN][:most]
+    found: list[tuple[float, _Pair]] = []
+    for first in hopeful:
+        possible, _ = candidates(study.recordings, first.judged.explanation)
+        step = tried_beside(study, first.judged, possible, [first.name], rng, show)
+        for second in (one for one in step.tried if one.name not in MEDIATORS and one.counted > 0.0):
+            both = together(alone, second.judged, [first.name, second.name])
+            other = next((one.counted for one in named if one.name == second.name), 0.0)
+            gained = 1.0 - second.judged.loss / alone.before.loss
+            if both >= ENOUGH and gained >= MUCH and both - max(first.counted, other) >= 0.5 * ENOUGH:
+                found.append((both, _Pair(first, step, second)))
+    return max(found, key=lambda one: one[0])[1] if found else None
 
 
 def _curve(first: Step, chosen: float, left: float) -> tuple[Tried | None, float]:

@@ -25,6 +25,7 @@ from cruise.validation.study import Study
 
 ENOUGH: Final = 60.0  # evidence from which an effect is more than a little of everything
 LEAST_GAIN: Final = 0.15  # of the present loss: errors that fall by less than 8 % are not worth a name
+MUCH: Final = 0.6  # of the present loss: no background takes so much, so that half the evidence is enough
 LEAST_LEFT: Final = 1e-9  # of the loss: what is left of it where there is no noise at all
 SURE: Final = 1.3  # standard errors of a held-out gain; a few blocks may hold all of it
 BEYOND_DOUBT: Final = 6.0  # standard errors that a background, which has its moments, does not reach
@@ -77,6 +78,7 @@ class Step:
     tried: tuple[Tried, ...]
     background: Background
     unrecorded: str  # the effect in whose signal a force shows that nobody recorded, if there is one
+    taken: str = ""  # the effect that was added then
 
 
 def tried_beside(
@@ -188,13 +190,28 @@ def held_out(without_it: Judged, one: Judged) -> float:
     return -int(np.count_nonzero(without_it.weight)) * math.log(max(1.0 - gain(without_it, one), LEAST_LEFT))
 
 
+def step_of(steps: Sequence[Step], name: str) -> Step:
+    """The step at which an effect was added; the first for one that was not."""
+    return next((step for step in steps if step.taken == name), steps[0])
+
+
+def tried_in(step: Step, name: str) -> Tried | None:
+    """A candidate as it was tried in a step."""
+    return next((one for one in step.tried if one.name == name), None)
+
+
 def counted(one: Tried) -> float:
     return one.counted
 
 
+def asked(gain: float) -> float:
+    """The evidence from which what takes away such a share of the loss is more than a little of everything."""
+    return ENOUGH if gain < MUCH else 0.5 * ENOUGH
+
+
 def enough(one: Tried) -> bool:
     """Whether what a candidate explains is worth naming, sure, and more than a little or beyond doubt."""
-    more = one.counted >= ENOUGH and one.sureness >= SURE
+    more = one.counted >= asked(one.gain) and one.sureness >= SURE
     return one.gain >= LEAST_GAIN and (more or (one.counted > 0.0 and one.sureness >= BEYOND_DOUBT))
 
 

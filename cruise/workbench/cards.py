@@ -13,7 +13,7 @@ from cruise.report.effect import physics, what
 from cruise.validation.candidates import UNNAMED
 from cruise.validation.diagnose import Diagnosis, Verdict
 from cruise.validation.search import Judged
-from cruise.validation.trying import Tried
+from cruise.validation.trying import Tried, step_of, tried_in
 from cruise.workbench.found import Card, Curve, Minute, Number, Signature
 
 CARDS: Final = 6  # candidates that are shown with their evidence
@@ -27,18 +27,12 @@ NO_PHYSICS: Final = (
 def shown(found: Diagnosis) -> list[Tried]:
     """The candidates with a card: what was named first, then the best of the rest, a curve without physics last."""
     first = found.steps[0].tried
-    of_verdict = [_step_of(found, name) for name in found.effects]
+    of_verdict = [tried_in(step_of(found.steps, name), name) for name in found.effects]
     rest = [one for one in first if one.name not in found.effects and not one.name.startswith(UNNAMED)]
     chosen = [one for one in of_verdict if one is not None]
     if found.verdict is Verdict.UNLISTED:
         chosen = [one for one in first if one.name.removeprefix(UNNAMED) in found.signals]
     return [*chosen, *rest][: max(CARDS, len(chosen))]
-
-
-def _step_of(found: Diagnosis, name: str) -> Tried | None:
-    """An effect as it was tried in the step in which it was chosen, else in the first."""
-    step = next((step for step in found.steps if step.tried and step.tried[0].name == name), found.steps[0])
-    return next((one for one in step.tried if one.name == name), None)
 
 
 def card(found: Diagnosis, tried: Tried) -> Card:

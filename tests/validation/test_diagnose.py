@@ -15,7 +15,7 @@ from cruise.validation.confidence import CURVES, LEAST_FORETOLD, answer_of, conf
 from cruise.validation.diagnose import Diagnosis, Verdict, diagnose
 from cruise.validation.foretold import CHANCE
 from cruise.validation.study import Study, study
-from cruise.validation.trying import ALIKE, LEAST_GAIN, Tried
+from cruise.validation.trying import ALIKE, LEAST_GAIN, MUCH, Tried, enough
 from tests.validation.driving import GRAVITY_MPS2, drive, wander
 from tools.trial.run import table_without
 
@@ -186,6 +186,20 @@ def test_two_things_that_are_missing_are_both_named():
     assert len(one.steps) >= 2
     assert one.steps[1].before.loss < one.steps[0].before.loss
     assert np.sqrt(one.final.loss) == pytest.approx(0.02 / np.sqrt(2.0), rel=0.35)
+
+
+def test_two_things_of_which_none_is_enough_alone_are_both_named():
+    """On soil that nobody recorded each hides what the other explains."""
+    one = found(
+        command=lambda u: 0.5 * u + 0.5 * u**2 / 900.0,
+        load_mps=-0.2 * GRAVITY_MPS2 * np.sin(np.radians(PITCH)) + wander(SAMPLES, DT_S, 77, 0.03, 4.0),
+    )
+    assert not any(enough(tried) for tried in one.steps[0].tried if tried.name in EFFECTS)
+    assert one.verdict is Verdict.MISSING
+    assert set(one.effects) == {"grade", "quadratic_gain"}
+    assert {step.taken for step in one.steps} == {"grade", "quadratic_gain", ""}
+    assert one.final.loss < (1.0 - MUCH) * one.base.loss
+    assert one.confidence < 0.8
 
 
 def test_two_signals_that_move_as_one_are_not_told_apart():

@@ -23,7 +23,7 @@ from cruise.validation.candidates import UNNAMED
 from cruise.validation.diagnose import SEED, Diagnosis, Verdict
 from cruise.validation.noise_floor import NoiseFloor
 from cruise.validation.search import Judged
-from cruise.validation.trying import ENOUGH
+from cruise.validation.trying import ENOUGH, MUCH, asked
 
 WIDTH: Final = 80
 LINES: Final = 8  # of the ranking; --json has them all
@@ -161,7 +161,11 @@ def _ranking(console: Console, found: Diagnosis) -> None:
     console.print()
     console.print(table)
     _print(console, "less %: by which the squared error fell; t: the same in standard errors, over blocks of time")
-    _print(console, f"evidence: beside a little of every other effect; {ENOUGH:g} is enough for a name")
+    _print(
+        console,
+        f"evidence: beside a little of every other effect; {ENOUGH:g} is enough for a name, {asked(MUCH):g} for one "
+        f"that takes {100 * MUCH:.0f} % or more of the squared error",
+    )
     if any(one.credit < 1.0 for one in tried.values()):
         _print(console, "*: only what counts of it, for its signal answers to the drive itself")
     rest = len(found.ranking) - LINES

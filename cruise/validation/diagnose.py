@@ -125,7 +125,7 @@ def diagnose(study: Study, show: Show = lambda text: None) -> Diagnosis:
         words = " ".join(f"{name}: {EFFECTS[name].about.experiment}." for name in effects)
     else:
         words = EFFECTS[named[0]].about.experiment
-    confidence = confidence_of(margin, answer_of(verdict, len(effects)))
+    confidence = confidence_of(margin, answer_of(verdict, effects))
     return Diagnosis(
         verdict=verdict,
         effects=effects,

@@ -15,6 +15,7 @@ from cruise.validation.trying import (
     ENOUGH,
     LEAST_GAIN,
     MUCH,
+    SURE,
     Show,
     Step,
     Tried,
@@ -28,7 +29,7 @@ from cruise.validation.trying import (
 FURTHER: Final = 75.0  # evidence from which a further effect is one, as no form of the first is exact,
 LEAST_FURTHER: Final = 0.25  # likewise, of the present loss,
 LEAST_SHARE: Final = 0.04  # and of the loss before the effect that was found last, whose form may be as wrong;
-PLAINLY: Final = (40.0, 0.3, 0.1)  # or less evidence where it takes more of both: no wrong form leaves so much
+PLAINLY: Final = (12.0, 0.3, 0.1)  # or evidence times gain, where it takes more of both: no wrong form leaves so much
 LEAST_CURVED: Final = 0.45  # of the loss, that a free curve must explain to have the word
 CURVED: Final = (60.0, 0.05)  # evidence, and share of it, by which a free curve must exceed all effects
 FAR: Final = 0.4  # of what all effects leave: a curve that leaves less has the word with as much evidence,
@@ -81,7 +82,8 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
         steps.append(step)
         if step.unrecorded and not chosen:
             break
-        worthy = [one for one in step.tried if not one.name.startswith(UNNAMED) and enough(one)]
+        named = [one for one in step.tried if not one.name.startswith(UNNAMED)]
+        worthy = [one for one in named if (_further(one, present, steps[-2].before) if chosen else enough(one))]
         if not worthy:
             pair = _pair(study, step, rng, show) if not chosen else None
             if pair is None:
@@ -91,8 +93,6 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
             present = pair.second.judged
             continue
         best = min((one for one in worthy if close(worthy[0], one)), key=lambda one: one.judged.loss)
-        if chosen and _little(best, present, steps[-2].before):
-            break
         steps[-1] = replace(step, taken=best.name)
         chosen.append(best.name)
         present = best.judged
@@ -111,13 +111,13 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
     return Selected(tuple(steps), tuple(chosen), present, tuple(refused))
 
 
-def _little(further: Tried, present: Judged, before: Judged) -> bool:
-    """Whether a further effect may be no more than a wrong form of the last one; `before` is without that one."""
-    brings = present.loss - further.judged.loss
-    evidence, share, of_both = PLAINLY
-    if further.gain >= share and brings >= of_both * before.loss:
-        return further.counted < evidence
-    return further.counted < FURTHER or further.gain < LEAST_FURTHER or brings < LEAST_SHARE * before.loss
+def _further(one: Tried, present: Judged, before: Judged) -> bool:
+    """Whether it is more than a wrong form of the effect that was added last; `before` is without that one."""
+    brings = present.loss - one.judged.loss
+    evidence, gain, share = PLAINLY
+    if one.gain >= gain and one.sureness >= SURE and brings >= share * before.loss:
+        return one.counted * one.gain >= evidence
+    return enough(one) and one.counted >= FURTHER and one.gain >= LEAST_FURTHER and brings >= LEAST_SHARE * before.loss
 
 
 @dataclass(frozen=True, eq=False)

@@ -134,7 +134,7 @@ def test_the_ranking_is_of_errors_ahead_and_its_confidences_are_shares(which, re
     (before,) = {line.error_before_mps for line in one.ranking}
     assert before == pytest.approx(np.sqrt(one.base.loss))
     assert 0.0 < one.confidence < 1.0
-    assert one.confidence == confidence_of(one.margin, answer_of(one.verdict, len(one.effects)))
+    assert one.confidence == confidence_of(one.margin, answer_of(one.verdict, one.effects))
     others = sum(line.confidence for line in one.ranking if line.effect not in one.effects)
     named = [line for line in one.ranking if line.effect in one.effects]
     assert all(line.confidence == one.confidence for line in named)
@@ -257,8 +257,9 @@ def test_confidence_rises_with_the_margin_towards_one(answer):
 
 
 def test_several_effects_at_once_are_another_answer_than_one():
-    assert [answer_of(Verdict.MISSING, 1), answer_of(Verdict.MISSING, 2)] == ["missing", "several"]
-    assert {answer_of(verdict, 0) for verdict in Verdict} | {"several"} == set(CURVES)
+    answers = [answer_of(Verdict.MISSING, names) for names in (("grade",), ("dead_zone",), ("grade", "dead_zone"))]
+    assert answers == ["measured", "inferred", "several"]
+    assert {answer_of(verdict, ()) for verdict in set(Verdict) - {Verdict.MISSING}} | set(answers) == set(CURVES)
 
 
 # -- line pressure holds every force

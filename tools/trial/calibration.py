@@ -48,14 +48,14 @@ def by_answer(lines: Sequence[Line]) -> dict[str, Curve]:
     kinds: dict[str, list[Line]] = {}
     for line in lines:
         if not line.failed:
-            kinds.setdefault(answer_of(line.verdict, len(line.effects)), []).append(line)
+            kinds.setdefault(answer_of(line.verdict, line.effects), []).append(line)
     return {kind: calibrated(kinds[kind]) for kind in sorted(kinds)}
 
 
 def restated(lines: Sequence[Line], curves: Mapping[str, Curve]) -> list[Line]:
     """The lines, their confidence by the curves of their answers."""
     ran = [line for line in lines if not line.failed]
-    named = [(line, curves[answer_of(line.verdict, len(line.effects))]) for line in ran]
+    named = [(line, curves[answer_of(line.verdict, line.effects)]) for line in ran]
     return [msgspec.structs.replace(line, confidence=curve.confidence(line.margin)) for line, curve in named]
 
 

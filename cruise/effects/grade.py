@@ -1,26 +1,23 @@
 """Grade: on a slope, a part of the machine's weight pulls along the ground.
 
-    phi = -(S_k - r A_(k-1)) (1 + s (m / m_0 - 1))
-    S_k = S_(k-1) + l (g_n sin(alpha_k) - S_(k-1)),   V_k = V_(k-1) + l (v_k - V_(k-1)),   A_k = (V_k - V_(k-1)) / T
+    phi = -p (1 + s (m / m_0 - 1)),   p = slope less r times the acceleration, through a low-pass of tau
 
-alpha pitch in degrees (+ uphill) as the sensor shows it, g_n = 9.81 m/s2, v measured ground speed in m/s, of the
-samples before only, S and A slope and acceleration in m/s2 seen through the same low-pass, l = 1 - exp(-T / tau), r
-share of the acceleration that the sensor takes for slope, m mass in kg (m_0 where it is not measured), m_0 = 15000
-kg, s share of the mass. Source: equations 2 and 9 and Table VI of Coen et al. 2005: F_G = m g sin(alpha).
+p in m/s2 as in `pull`: r share of the acceleration that the pitch sensor takes for slope; m mass in kg (m_0 where it
+is not measured), m_0 = 15000 kg, s share of the mass. Source: equations 2 and 9 and Table VI of Coen et al. 2005:
+F_G = m g sin(alpha).
 """
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar, Final
+from typing import ClassVar
 
 import numpy as np
 import scipy  # its signal part, slow to load, is loaded where it is first used: the service does without
 
-from cruise.effects.effect import EMPTY_KG, GRAVITY_MPS2, About, Effect, Parameter, Stage, State, Value, clip, where
+from cruise.effects.effect import EMPTY_KG, GRAVITY_MPS2, About, Effect, Parameter, Stage, State, Value, where
+from cruise.effects.pull import AT_ONCE_S, pull, unknown
 from cruise.signals import OUTPUT, Signals
-
-AT_ONCE_S: Final = 1e-9  # s, a low-pass that is none at any period
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,27 +54,15 @@ class Grade(Effect):
     filter_s: float = 0.0
 
     def start(self, like: Value) -> State:
-        """Low-passed slope in m/s2, low-passed speed in m/s and its rate in m/s2: not known yet."""
-        return like * math.nan, like * math.nan, like * 0.0
+        """What `pull` remembers: nothing yet."""
+        return unknown(like)
 
     def step(self, value: Value, past_speed: Value, signals: Signals, state: State, dt_s: float) -> tuple[Value, State]:
         """The pull of the slope, for the present mass."""
-        pitch_deg = signals["pitch_deg"]
         mass_kg = signals.get("machine_mass_kg", EMPTY_KG)
         mass_kg = where(mass_kg == mass_kg, mass_kg, EMPTY_KG)  # NaN: not measured
-        sine = np.sin(np.radians(pitch_deg)) if isinstance(pitch_deg, np.ndarray) else math.sin(math.radians(pitch_deg))
-        slope_mps2, speed_mps, accel_mps2 = state
-        share = -np.expm1(-dt_s / clip(self.filter_s, AT_ONCE_S, math.inf))
-        seen_mps2 = GRAVITY_MPS2 * sine
-        slope_mps2 = where(slope_mps2 == slope_mps2, slope_mps2 + share * (seen_mps2 - slope_mps2), seen_mps2)
-        pull_mps2 = slope_mps2 - self.acceleration_share * accel_mps2
-        measured_mps = signals.get(OUTPUT, math.nan)
-        measured_mps = where(measured_mps == measured_mps, measured_mps, speed_mps)  # a hole: no acceleration
-        speed_mps = where(speed_mps == speed_mps, speed_mps, measured_mps)
-        followed_mps = speed_mps + share * (measured_mps - speed_mps)
-        accel_mps2 = where(followed_mps == followed_mps, (followed_mps - speed_mps) / dt_s, 0.0 * seen_mps2)
-        phi = -pull_mps2 * (1.0 + self.mass_share * (mass_kg / EMPTY_KG - 1.0))
-        return phi, (slope_mps2, followed_mps, accel_mps2)
+        pull_mps2, state = pull(signals, state, self.acceleration_share, self.filter_s, dt_s)
+        return -pull_mps2 * (1.0 + self.mass_share * (mass_kg / EMPTY_KG - 1.0)), state
 
     def over(
         self, values: Value, past_speeds: np.ndarray, signals: Mapping[str, np.ndarray], dt_s: float

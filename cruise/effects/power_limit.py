@@ -1,10 +1,11 @@
 """Power limit: where the demand of the ground exceeds what pump or engine can give, the swash plate is taken back.
 
-    P_d = m g_0 (sin(theta) v + c_r |v|) / 1000        g = min(1, P_max / P_d)^e,  rounded off within +-1/8 of P_max
+    P_d = m (p v + g_n c_r |v|) / 1000        g = min(1, P_max / P_d)^e,  rounded off within +-1/8 of P_max
 
-P_d power in kW that the drive would have to give at the last speed, m mass in kg (15 000 kg where not measured),
-g_0 = 9.81 m/s2, theta pitch (+ uphill), v speed one sample ago in m/s, c_r rolling resistance (0.02 on concrete to 0.12
-on soft soil, found from the data), P_max in kW.
+P_d power in kW that the drive would have to give at the last speed, m mass in kg (15 000 kg where not measured), p pull
+of the slope in m/s2 as in `pull`: what of it is acceleration acts on the pump's pressure only as far as the control is
+as quick, so share and low-pass are found from the data; v speed one sample ago in m/s, g_n = 9.81 m/s2, c_r rolling
+resistance (0.02 on concrete to 0.12 on soft soil, found from the data), P_max in kW.
 As v is itself the limited speed, the loop through the machine settles between the speed v_0 without the limit and
 P_max / F, F the force: at v_0^(1 / (1 + e)) (P_max / F)^(e / (1 + e)); the greater the stiffness e, the nearer to a
 wall.
@@ -17,10 +18,9 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
-import numpy as np
-
 from cruise.effects.effect import EMPTY_KG, GRAVITY_MPS2, About, Effect, Parameter, Stage, State, Value, clip, where
-from cruise.signals import Signals
+from cruise.effects.pull import pull, unknown
+from cruise.signals import OUTPUT, Signals
 
 UNLIMITED_KW: Final = 300.0  # kW: more than the drive line of any combine takes
 CORNER: Final = 0.125  # relative half width of the rounded corner: a fit by differences sees a slope on both sides
@@ -33,19 +33,22 @@ class PowerLimit(Effect):
     name = "power_limit"
     stage = Stage.GAIN
     needs = ("pitch_deg",)
-    helps = ("machine_mass_kg",)
+    helps = ("machine_mass_kg", OUTPUT)
     reads_speed = True
     parameters: ClassVar = {
         "power_kw": Parameter("kW", 5.0, UNLIMITED_KW, UNLIMITED_KW, "power that the drive may take; 300 is no limit"),
         "stiffness": Parameter("-", 0.5, 4.0, 1.0, "how hard it holds: the gain falls with this power of the excess"),
         "rolling_resistance": Parameter("-", 0.02, 0.12, 0.06, "resistance of the ground over the weight"),
+        "acceleration_share": Parameter("-", 0.0, 1.0, 0.0, "how far what the pitch shows of acceleration is not felt"),
+        "filter_s": Parameter("s", 0.0, 2.0, 0.0, "time constant through which the slope is felt"),
     }
     about: ClassVar = About(
         physics="Torque control of the pump, or an electronic limit that keeps the diesel from stalling, takes the "
         "swash plate back as soon as pressure times flow exceeds the power that may be taken. The pressure follows the "
         "force at the wheels: mass times slope and rolling resistance. On level ground and at low speed nothing is "
         "felt; uphill with a full bin the machine refuses to go faster, whatever the current.",
-        equation="g = min(1, P_max / P_d)^e,  P_d = m g_0 (sin(theta) v + c_r |v|)",
+        equation="g = min(1, P_max / P_d)^e,  P_d = m (p v + 9.81 m/s2 c_r |v|),  p = 9.81 m/s2 sin(alpha) - r dv/dt, "
+        "through a low-pass of tau",
         source="data sheets of pumps with torque control; Wong 2008, ch. 2; Coen et al. 2005, section V.A, Fig. 6",
         signature="the residual is negative where speed times slope is high, and there only: nothing downhill, nothing "
         "below a speed that falls as the slope and the mass rise",
@@ -57,20 +60,26 @@ class PowerLimit(Effect):
     power_kw: float = UNLIMITED_KW
     stiffness: float = 1.0
     rolling_resistance: float = 0.06
+    acceleration_share: float = 0.0
+    filter_s: float = 0.0
+
+    def start(self, like: Value) -> State:
+        """What `pull` remembers: nothing yet."""
+        return unknown(like)
 
     def step(self, value: Value, past_speed: Value, signals: Signals, state: State, dt_s: float) -> tuple[Value, State]:
         """The gain so far, divided by a power of how many times the demand exceeds the limit."""
         limited = self.power_kw < UNLIMITED_KW
-        excess = _demand_kw(past_speed, self.rolling_resistance, signals) * limited / self.power_kw - (1.0 - CORNER)
+        pull_mps2, state = pull(signals, state, self.acceleration_share, self.filter_s, dt_s)
+        demand_kw = _demand_kw(past_speed, pull_mps2, self.rolling_resistance, signals)
+        excess = demand_kw * limited / self.power_kw - (1.0 - CORNER)
         rounded = clip(excess, 0.0, 2.0 * CORNER)
         times = 1.0 + rounded * rounded / (4.0 * CORNER) + clip(excess - 2.0 * CORNER, 0.0, math.inf)
         return value / times**self.stiffness, state
 
 
-def _demand_kw(speed_mps: Value, rolling_resistance: Value, signals: Signals) -> Value:
+def _demand_kw(speed_mps: Value, pull_mps2: Value, rolling_resistance: Value, signals: Signals) -> Value:
     """P_d: what slope and rolling resistance take at this speed."""
-    pitch_rad = signals["pitch_deg"] * (math.pi / 180.0)
     mass_kg = signals.get("machine_mass_kg", EMPTY_KG)
-    slope = np.sin(pitch_rad) if isinstance(pitch_rad, np.ndarray) else math.sin(pitch_rad)
     mass_kg = where(mass_kg == mass_kg, mass_kg, EMPTY_KG)  # NaN: not measured
-    return 1e-3 * GRAVITY_MPS2 * mass_kg * (slope * speed_mps + rolling_resistance * abs(speed_mps))
+    return 1e-3 * mass_kg * (pull_mps2 * speed_mps + GRAVITY_MPS2 * rolling_resistance * abs(speed_mps))

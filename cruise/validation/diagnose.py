@@ -121,7 +121,7 @@ def diagnose(study: Study, show: Show = lambda text: None) -> Diagnosis:
     elif not named:
         verdict = Verdict.NOTHING
     elif len(named) == 1 and alike:
-        verdict, effects = Verdict.AMBIGUOUS, alike[0][:TWO]
+        verdict, effects, final = Verdict.AMBIGUOUS, *_likeliest(alike[0], found)
         words = " ".join(f"{name}: {EFFECTS[name].about.experiment}." for name in effects)
     else:
         words = EFFECTS[named[0]].about.experiment
@@ -142,6 +142,14 @@ def diagnose(study: Study, show: Show = lambda text: None) -> Diagnosis:
         refused=found.refused,
         study=study,
     )
+
+
+def _likeliest(alike: Sequence[str], found: Selected) -> tuple[tuple[str, ...], Judged]:
+    """The two of those that look alike for which there is most evidence, and the model with the one that errs less."""
+    tried = {one.name: one for one in found.steps[0].tried}
+    two = sorted(alike, key=lambda name: tried[name].counted, reverse=True)[:TWO]
+    two.sort(key=lambda name: tried[name].judged.loss)
+    return tuple(two), found.final if alike[0] in two else tried[two[0]].judged
 
 
 def _hidden(study: Study, found: Selected) -> Foretold:

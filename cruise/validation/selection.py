@@ -36,7 +36,7 @@ FAR: Final = 0.4  # of what all effects leave: a curve that leaves less has the 
 ABOUT: Final = 0.1  # as much but for this share of it
 SAME_SIGNAL: Final = 0.85  # of what a curve takes away: an effect of the same signal that takes as much is the curve
 SUPERFLUOUS: Final = 0.5  # of ENOUGH: what an effect must still bring beside the others
-HOPEFUL: Final = (10.0, 3)  # evidence from which an effect that is not enough may be one of two, and how many may
+HOPEFUL: Final = (10.0, 2)  # evidence from which an effect that is not enough may be one of two, and how many may
 MOST_EFFECTS: Final = 4
 MOST_STEPS: Final = 8  # two effects that drop each other would go on for ever
 

@@ -12,7 +12,11 @@ DEMAND_KW = 15.0 * 9.81 * (math.sin(math.radians(10.0)) + 0.06) * 2.0  # at 2 m/
 
 
 def gain(power_kw, speed_mps, signals):
-    return PowerLimit(power_kw).step(1.0, speed_mps, signals, None, 0.2)[0]
+    return stepped(PowerLimit(power_kw), speed_mps, signals)
+
+
+def stepped(effect, speed_mps, signals):
+    return effect.step(1.0, speed_mps, signals, effect.start(0.0), 0.2)[0]
 
 
 def test_beyond_the_limit_the_gain_is_the_share_that_can_be_given():
@@ -21,7 +25,7 @@ def test_beyond_the_limit_the_gain_is_the_share_that_can_be_given():
 
 
 def test_a_stiff_limit_takes_back_a_power_of_the_excess():
-    assert PowerLimit(30.0, 2.0).step(1.0, 2.0, UP, None, 0.2)[0] == pytest.approx((30.0 / DEMAND_KW) ** 2)
+    assert stepped(PowerLimit(30.0, 2.0), 2.0, UP) == pytest.approx((30.0 / DEMAND_KW) ** 2)
 
 
 @pytest.mark.parametrize(("pitch_deg", "speed_mps"), [(-10.0, 2.0), (10.0, -2.0), (10.0, 0.5), (0.0, 2.0)])
@@ -32,7 +36,7 @@ def test_downhill_slow_and_level_nothing_is_felt(pitch_deg, speed_mps):
 def test_soft_ground_asks_for_power_on_the_level_too():
     level = UP | {"pitch_deg": 0.0}
     asked_kw = 15.0 * 9.81 * 0.12 * 2.0
-    assert PowerLimit(20.0, 1.0, 0.12).step(1.0, 2.0, level, None, 0.2)[0] == pytest.approx(20.0 / asked_kw)
+    assert stepped(PowerLimit(20.0, 1.0, 0.12), 2.0, level) == pytest.approx(20.0 / asked_kw)
 
 
 def test_backwards_uphill_is_uphill():
@@ -70,3 +74,14 @@ def test_the_machine_settles_at_the_geometric_mean_of_free_and_limited_speed():
         speed_mps = 0.6 * speed_mps + 0.4 * gain(30.0, speed_mps, UP) * free_mps
     limited_mps = 30.0 / (DEMAND_KW / 2.0)
     assert speed_mps == pytest.approx(math.sqrt(free_mps * limited_mps), rel=1e-6)
+
+
+def test_what_the_pitch_shows_of_acceleration_can_be_left_out():
+    effect, dt_s, accel_mps2 = PowerLimit(30.0, acceleration_share=1.0, filter_s=0.5), 0.2, 1.0
+    pitch_deg = math.degrees(math.asin(accel_mps2 / 9.81))
+    state = effect.start(0.0)
+    for k in range(60):
+        signals = UP | {"pitch_deg": pitch_deg, "ground_speed_mps": accel_mps2 * dt_s * k}
+        shaken, state = effect.step(1.0, 3.0, signals, state, dt_s)
+    assert shaken == pytest.approx(gain(30.0, 3.0, UP | {"pitch_deg": 0.0}), abs=1e-3)
+    assert gain(30.0, 3.0, UP | {"pitch_deg": pitch_deg}) < 0.8 * shaken

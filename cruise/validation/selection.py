@@ -66,7 +66,7 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
     """Add the best effect while it brings enough; after each, drop what it makes superfluous.
 
     A curve without physics has the word in the end where there is much more evidence for it than for all effects
-    together, or as much and it leaves far less of the error.
+    together, or as much and it leaves far less of the error; never where it leaves more than they do.
     """
     search, present = study.search, study.base
     steps: list[Step] = []
@@ -155,7 +155,7 @@ def _curve(first: Step, chosen: float, left: float) -> tuple[Tried | None, float
     curves = [one for one in first.tried if one.name.startswith(UNNAMED)]
     named = [one for one in first.tried if not one.name.startswith(UNNAMED)]
     best = max(curves, key=counted, default=None)
-    if best is None or best.gain < LEAST_CURVED or not enough(best):
+    if best is None or best.gain < LEAST_CURVED or best.judged.loss >= left or not enough(best):
         return None, 0.0
     effects = max(chosen, *(one.counted for one in named))
     margin = best.counted - CURVED[0] - CURVED[1] * best.counted - effects

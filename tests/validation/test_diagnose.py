@@ -109,6 +109,8 @@ def test_a_curve_that_leaves_far_less_error_has_the_word_with_as_much_evidence(u
     assert word(curve.judged.loss / 0.5) == (None, 0.0), "not far"
     more = replace(first, tried=(curve, replace(rival, evidence=1.2 * curve.evidence)))
     assert selection._curve(more, 0.0, curve.judged.loss / 0.1) == (None, 0.0), "there is more evidence for an effect"
+    assert selection._curve(first, 0.0, 1.1 * curve.judged.loss)[0] is curve, "much more evidence than for all effects"
+    assert selection._curve(first, 0.0, 0.9 * curve.judged.loss) == (None, 0.0), "and yet they leave less"
 
 
 @EVERY

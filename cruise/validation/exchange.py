@@ -7,6 +7,7 @@ import numpy as np
 
 from cruise.effects import EFFECTS
 from cruise.validation.candidates import UNNAMED, candidates, without
+from cruise.validation.search import sureness
 from cruise.validation.selection import Selected
 from cruise.validation.study import Study
 from cruise.validation.trying import (
@@ -25,6 +26,7 @@ from cruise.validation.trying import (
 
 TWIN: Final = 1.05  # of the loss: a look-alike that errs no more can't be told apart,
 LIKELY: Final = 0.6  # if there is so much of the evidence for it
+APART: Final = 4.0  # standard errors by which errors are apart, whatever the evidence
 RIVALS: Final = 6  # alternatives for which an effect is exchanged once all are together
 
 
@@ -59,6 +61,7 @@ def exchanged(study: Study, name: str, found: Selected, rng: np.random.Generator
         if one.gain >= LEAST_GAIN
         and one.counted > max(mine.counted - ALIKE, asked(one.gain))
         and one.judged.loss < LOOSE * mine.judged.loss
+        and sureness(one.judged, mine.judged, rng) < APART
     )
     rivals = [one for one in others if one.gain >= LEAST_GAIN]
     twin = max((one for one in rivals if _twins(mine, one)), key=counted, default=None)

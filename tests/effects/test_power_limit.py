@@ -79,7 +79,7 @@ def test_the_machine_settles_at_the_geometric_mean_of_free_and_limited_speed():
 def test_what_the_pitch_shows_of_acceleration_can_be_left_out():
     effect, dt_s, accel_mps2 = PowerLimit(30.0, acceleration_share=1.0, filter_s=0.5), 0.2, 1.0
     pitch_deg = math.degrees(math.asin(accel_mps2 / 9.81))
-    state = effect.start(0.0)
+    state, shaken = effect.start(0.0), 0.0
     for k in range(60):
         signals = UP | {"pitch_deg": pitch_deg, "ground_speed_mps": accel_mps2 * dt_s * k}
         shaken, state = effect.step(1.0, 3.0, signals, state, dt_s)

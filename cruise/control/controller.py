@@ -17,8 +17,8 @@ from typing import Annotated
 import msgspec
 import numpy as np
 
-from cruise.control.frame_model import at_period, slowest_pole
-from cruise.control.inversion import InversionSettings, current_for
+from cruise.control.frame_model import at_period
+from cruise.control.inversion import Inversion, InversionSettings
 from cruise.control.limits import Limits, LimitSettings
 from cruise.control.observer import DisturbanceObserver, ObserverSettings
 from cruise.control.power import PowerGuard, PowerSettings
@@ -95,6 +95,7 @@ class Controller:
         self.shaper = CommandShaper(settings.shaping_hz, settings.shaping_order, self.frame_s)
         self.limits = Limits(settings.limits)
         self.power = PowerGuard(settings.power, self.frame_s)
+        self.inversion = Inversion(settings.inversion, self.frame_s)
         self.trend = Trend(settings.predictive.trend_s, self.frame_s)
         self.slope: SlopeObserver | None = None  # where the model knows slopes
         self.state: ModelState | None = None
@@ -152,8 +153,7 @@ class Controller:
     def _drive_with(self, model: Model) -> None:
         self.adopted = model
         self.model = fast = at_period(replace(model, effects=tuple(map(_on_the_ground, model.effects))), self.frame_s)
-        _, b, *_ = fast.split(fast.theta)
-        self._slowest, self._share_of_period = slowest_pole(model), self.frame_s / model.period_s
+        (self._pole,), b, *_ = fast.split(fast.theta)
         self._gain = fast.dc_gain_mps_per_ma
         self._share = np.array(b) / sum(b)
         self._programmes: dict[int, Programme] = {}
@@ -207,8 +207,8 @@ class Controller:
         self.signals = signals
         state = model.apply(self.state, sample.current_ma, signals)
         self.pace = state.pace
-        # Equation 12 slows the pole down at the period at which it was learned.
-        self.pole = max(1.0 - state.pace * (1.0 - self._slowest), 0.0) ** self._share_of_period
+        # Equation 12 at the period of the frames: at that of the model it would be half a time constant too slow.
+        self.pole = 1.0 - state.pace * (1.0 - self._pole)
         load_mps = self._load_mps(state)
         self.trend.step(state.gain, load_mps)
         self.observer.step(self.pole, self._felt_mps(state) + load_mps, sample.speed_mps, self.pace)
@@ -219,6 +219,7 @@ class Controller:
         """Begin where the machine is: its current, its speed."""
         self.engaged = True
         self.power.restart()
+        self.inversion.restart()
         self.limits.take_over(self.current_ma)
         self.shaper.reset(self.limits.last_ma)
         self.wanted_ma = self.limits.last_ma
@@ -268,7 +269,7 @@ class Controller:
         share = settings.predictive.engaging_share if gently else 1.0
         self.plan = programme.solve(now, reference, Bounds(low, high, rate, share))
         self.wanted_mps = self.plan.wanted_mps + self._load_mps(state)
-        inverse = current_for(model, self.plan.wanted_mps / gain, state, signals, settings.inversion)
+        inverse = self.inversion.step(model, self.plan.wanted_mps / gain, state, signals)
         wanted_ma = inverse.nearest(self.wanted_ma)
         self.limited = inverse.refused or ("" if self.plan.solved else "no plan found")
         if math.isfinite(wanted_ma):

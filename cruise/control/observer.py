@@ -28,8 +28,8 @@ class ObserverSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
 
     speed_noise_mps: Positive = 0.010  # m/s, of one mean over a frame
     model_noise_mps: Positive = 0.15  # m/s after 1 s, what the model errs by while the speed changes
-    disturbance_mps: Positive = 0.15  # m/s after 1 s, how fast hills and soil may come
-    brisk_mps2: Positive = 0.22  # R, m/s2: at this rate of s half of an innovation is believed; hills stay below it
+    disturbance_mps: Positive = 0.10  # m/s after 1 s, how fast hills and soil may come
+    brisk_mps2: Positive = 0.4  # R, m/s2: at this rate of s half of an innovation is believed; hills stay below it
     brisk_s: Positive = 0.5  # s over which the rate is seen
 
 

@@ -36,7 +36,7 @@ class PredictiveSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unkno
 
     horizon_s: Positive = 3.0  # s, Coen et al. 2005, section II.B
     # rho, without unit, per frame of 0.05 s; less lets sensor noise into the command
-    move_weight: Annotated[float, msgspec.Meta(ge=0)] = 5.0
+    move_weight: Annotated[float, msgspec.Meta(ge=0)] = 3.0
     accel_max_mps2: Positive = 1.0  # m/s2, predicted
     jerk_max_mps3: Positive = 2.0  # m/s3, predicted
     engaging_share: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.5  # of both bounds, while it takes over

@@ -26,7 +26,7 @@ RATIO = {1: 1.4 / 2.5, 2: 1.0, 3: 4.4 / 2.5, 4: 7.5 / 2.5}
 
 @dataclass
 class Machine:
-    """y_k = A y_(k-1) + (1 - A) (g K v_(k-d) + w),   A = (1 - alpha (1 - a))^(1/4), a pole over 0.2 s.
+    """y_k = A y_(k-1) + (1 - A) (g K v_(k-d) + w),   A = a^(alpha / 4), a pole over 0.2 s.
 
     v = x + 0.5e-3 x^2, x = max(u - 400, 0); as the model: delay and pole give its mean delay of 0.8 s.
     """
@@ -51,7 +51,7 @@ class Machine:
         beyond = max(self.acts_ma - 400.0, 0.0)
         self.past.append(beyond + 0.5e-3 * beyond**2)
         ratio = RATIO[self.gear]
-        pole = (1.0 - min(1.0, ratio**-2) * (1.0 - self.pole)) ** (self.frame_s / PERIOD_S)
+        pole = self.pole ** (min(1.0, ratio**-2) * self.frame_s / PERIOD_S)
         steady_mps = self.gain * self.past[0] * ratio * self.rpm / 2100.0 + self.load_mps
         self.speed_mps = pole * self.speed_mps + (1.0 - pole) * steady_mps
         self.time_s += self.frame_s
@@ -320,14 +320,14 @@ def test_the_observer_knows_the_pace_of_a_gear():
 
 
 def test_the_law_knows_the_pace_of_a_gear():
-    """A load in fourth gear: moves as dear as in second, where the same drive takes more current, cost 0.203 m/s."""
+    """A load in fourth gear: moves as dear as in second, where the same drive takes more current, cost 0.239 m/s."""
     machine = Machine(gear=4)
     loop = Loop(machine).by_hand(600.0, 30.0)
     start_mps = machine.speed_mps
     loop.engaged(start_mps, 10.0)
     machine.load_mps -= 0.5
     loop.engaged(start_mps, 15.0)
-    assert start_mps - min(loop.speeds) < 0.194
+    assert start_mps - min(loop.speeds) < 0.229
 
 
 @pytest.mark.parametrize("frame_s", [0.03, 0.15, 0.4])

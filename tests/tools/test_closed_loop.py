@@ -5,15 +5,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from cruise.control.controller import ControlSettings
+from cruise.control.frame_model import cumulants_s
 from cruise.effects.gear_ratio import GearRatio
 from cruise.model.model import Model
-from cruise.plant import PlantSettings
+from cruise.plant import Combine, Inputs, PlantSettings
 from cruise.signals import Sample
 from tools.benchmarks import control_step
 from tools.closed_loop import courses, machines, scores
-from tools.closed_loop.courses import Begin, Course, SetpointRow
+from tools.closed_loop.courses import Begin, Course, SetpointRow, laid_over
 from tools.closed_loop.drive import Driven, drive, rms
 from tools.closed_loop.drivers import DRIVERS, PLAIN, Models
 from tools.closed_loop.pid import Pid
@@ -64,6 +66,20 @@ def test_errors_leave_out_the_engagement_and_what_follows_a_change():
     assert scores.to_reference(one).max() == pytest.approx(0.1)
 
 
+def test_the_lesson_teaches_when_the_drive_answers():
+    """Its mean delay is that of a small step at the lesson's usual stroke, hysteresis aside; the pitch takes none."""
+    off = laid_over(PLANT.effects, {"hysteresis": 0.0, "sensor_noise": 0.0})
+    combine = Combine(structs.replace(PLANT, effects=off), 3)
+    speeds = []
+    for k in range(600):
+        combine.advance(Inputs(750.0 if k < 300 else 770.0, gear=2, rolling_resistance=0.05), 0.05 * (k + 1))
+        speeds.append(combine.truth.ground_speed_mps)
+    way = (np.array(speeds[300:]) - speeds[299]) / (speeds[-1] - speeds[299])
+    taught = machines.learned(machines.lesson(PLANT, 3, 200.0), machines.gears(PLANT, 3))
+    mean_s, _ = cumulants_s(taught)
+    assert mean_s == pytest.approx(0.05 * float(np.sum(1.0 - way)), abs=0.04)
+
+
 def test_the_share_within_a_limit():
     assert scores.within([np.array([0.5, -0.5, 2.0]), np.array([-3.0])], 1.0) == 0.5
 
@@ -111,7 +127,7 @@ def test_a_drive_is_the_same_again_and_the_reference_waits_for_the_dead_time():
     np.testing.assert_array_equal(one.speed_mps, other.speed_mps)
     still = drive(Course(name="still", seconds=3.0), PLANT, Hold(790.0), 3)
     first_s = one.time_s[np.flatnonzero(one.reference_mps != still.reference_mps)[0]]
-    assert first_s == pytest.approx(1.0 + PLANT.pump.transport_delay_s, abs=0.06)
+    assert first_s == pytest.approx(1.0 + PLANT.pump.transport_delay_s, abs=0.04)
 
 
 def test_a_run_has_its_figures_beside_their_targets():
@@ -141,4 +157,12 @@ def test_the_step_is_timed_and_its_memory_watched():
     part = control_step.measure(seconds=20.0, frames=50, hours=0.005)
     found = {figure.key: figure.value for figure in part.figures}
     assert 0.0 < found["step_p50_us"] <= found["step_p99_us"] <= found["step_max_us"]
-    assert abs(found["growth_kib"]) < control_step.GROWTH_KIB
+    assert abs(found["growth_blocks"]) < control_step.GROWTH_BLOCKS
+
+
+def test_a_step_that_keeps_something_is_seen(monkeypatch):
+    step, kept = control_step.Step(20.0), []
+    assert control_step.growth(step, 2000) < 0.1 * control_step.GROWTH_BLOCKS
+    at = step.controller.step
+    monkeypatch.setattr(step.controller, "step", lambda *given: kept.append(at(*given)))
+    assert control_step.growth(step, 2000) > 2000

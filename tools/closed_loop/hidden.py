@@ -44,7 +44,8 @@ def measure(
     tell: Callable[[str], None],
 ) -> Part:
     """For each effect: whether it was named, and the RMS to the reference without and with it."""
-    recording, gears = machines.lesson(plant, seed), machines.gears(plant, seed)
+    recording = machines.lesson(plant, seed, period_s=machines.PERIOD_S)
+    gears = machines.gears(plant, seed)
     figures, notes = [], []
     for case in CASES:
         structure = machines.STRUCTURE.replace(f"+{case.effect}", "")

@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 from msgspec import structs
 
+from cruise.effects import Effect
 from cruise.effects.gear_ratio import GearRatio
 from cruise.effects.grade import Grade
 from cruise.identification.structures import parse
@@ -18,8 +19,9 @@ from cruise.plant import Combine, Inputs, PlantSettings, SensorReading
 from cruise.recording import Recording
 from cruise.sampling import SamplingSettings, StreamSampler
 from cruise.signals import CONTEXT, INPUT, OUTPUT
-from cruise.validation.search import Search
-from cruise.validation.study import discrete, study
+from cruise.validation.search import Judged, Search
+from cruise.validation.slope import PITCH, slope_deg
+from cruise.validation.study import Study, discrete, study
 
 from .courses import laid_over
 
@@ -73,8 +75,8 @@ def machine(name: str, plant: PlantSettings) -> PlantSettings:
     return laid_over(plant, MACHINES[name])
 
 
-def lesson(plant: PlantSettings, seed: int, seconds: float = LESSON_S) -> Recording:
-    """A drive by hand in second gear over everything that the model has an effect for, at the model's period.
+def lesson(plant: PlantSettings, seed: int, seconds: float = LESSON_S, period_s: float = FINE_S) -> Recording:
+    """A drive by hand in second gear over everything that the model has an effect for; by default as the frames see it.
 
     Random steps of the current as in a commissioning drive; slopes, throttle, bin and oil change in between.
     """
@@ -97,10 +99,10 @@ def lesson(plant: PlantSettings, seed: int, seconds: float = LESSON_S) -> Record
             assert isinstance(reading, SensorReading)
             if reading.name != OUTPUT or reading.sensor == "drive_feedback":
                 sampler.push(reading.name, reading.time_s, reading.value)
-        if k % round(PERIOD_S / FINE_S) == 0:
-            rows.append(sampler.sample(now_s, PERIOD_S))
+        if k % round(period_s / FINE_S) == 0:
+            rows.append(sampler.sample(now_s, period_s))
     columns = {name: np.array([row[name] for row in rows]) for name in names}
-    return Recording(PERIOD_S * np.arange(1, len(rows) + 1), columns, PERIOD_S, f"lesson, seed {seed}")
+    return Recording(period_s * np.arange(1, len(rows) + 1), columns, period_s, f"lesson, seed {seed}")
 
 
 def gears(plant: PlantSettings, seed: int) -> GearRatio:
@@ -119,18 +121,24 @@ def gears(plant: PlantSettings, seed: int) -> GearRatio:
 def learned(recording: Recording, gear_ratio: GearRatio, structure: str = STRUCTURE) -> Model:
     """The model that a recording in second gear teaches, with the gears.
 
-    Fitted twice: that the pitch sensor takes acceleration for slope in full is known of an inclinometer, and no drive
-    over quick hills tells it; the second time the slope is seen through a lag.
+    The slope is taken out of the pitch before: that an inclinometer shows acceleration in full is known, and what is
+    left of it would be in time with the speed and cost the drive a tenth of a second of its delay. What reshapes the
+    current is computed at the rate of the recording, as the controller does.
     """
-    begun = study([recording], parse(structure), None, PERIOD_S, at_their_rate=False)
+    level = replace(recording, columns={**recording.columns, PITCH: slope_deg(recording, 1.0)}, stamps_s=None)
+    begun = study([level], parse(structure), None, PERIOD_S)
+    model = discrete(begun, _with(begun, acceleration_share=0.0, filter_s=0.0))
+    effects = (_grade(one, acceleration_share=1.0, filter_s=SLOPE_S) for one in model.effects)
+    return replace(model, effects=(*effects, gear_ratio))
+
+
+def _with(begun: Study, **slope: float) -> Judged:
+    """What was begun, fitted to its end with this view of the slope."""
     explanation = begun.base.explanation
-    effects = tuple(
-        replace(one, acceleration_share=1.0, filter_s=SLOPE_S) if isinstance(one, Grade) else one
-        for one in explanation.effects
-    )
-    if effects != explanation.effects:
-        search = Search(begun.search.scene, LONGEST_DELAY_S, begun.search.gain_scale, begun.search.fixed | SLOPE)
-        found = search.fitted(replace(explanation, effects=effects))
-        begun = replace(begun, search=search, base=search.judged("", found))
-    model = discrete(begun, begun.base)
-    return replace(model, effects=(*model.effects, gear_ratio))
+    effects = tuple(_grade(one, **slope) for one in explanation.effects)
+    search = Search(begun.search.scene, LONGEST_DELAY_S, begun.search.gain_scale, begun.search.fixed | SLOPE)
+    return search.judged("", search.fitted(replace(explanation, effects=effects)))
+
+
+def _grade(effect: Effect, **slope: float) -> Effect:
+    return replace(effect, **slope) if isinstance(effect, Grade) else effect

@@ -13,9 +13,11 @@ controller tuning", J. Process Control 13 (2003), with the series form's derivat
 import math
 from collections import deque
 
+import msgspec
+
 from cruise.control.controller import ControlSettings
 from cruise.control.frame_model import core_of
-from cruise.control.inversion import current_for
+from cruise.control.inversion import Inversion
 from cruise.control.limits import Limits
 from cruise.control.reference import Reference
 from cruise.model.model import Model, ModelState
@@ -29,7 +31,9 @@ class Pid:
         self.model, self.dt_s = model, settings.frame_s
         core = core_of(model, self.dt_s)
         self.core = core
-        self.limits, self.inversion = Limits(settings.limits), settings.inversion
+        self.limits = Limits(settings.limits)
+        at_once = msgspec.structs.replace(settings.inversion, lasting_s=math.inf)  # what lasts is its own integrator's
+        self.inversion = Inversion(at_once, self.dt_s)
         self.reference = Reference(settings.reference)
         self.past: deque[float] = deque(maxlen=max(round(core.delay_s / self.dt_s), 1) + 1)
         self.state: ModelState | None = None
@@ -42,8 +46,9 @@ class Pid:
             self.state = model.start(sample.speed_mps, sample.current_ma, signals)
         self.state = model.advance(self.state, sample.current_ma, sample.speed_mps, signals)
         response = model.linearise(self.state, signals)
+        pole = 1.0 - self.state.pace * (1.0 - self.core.pole(self.dt_s))  # equation 12
+        vehicle_s = -self.dt_s / math.log(min(max(pole, 1e-9), 0.9999))
         pace = response.speed_coefficients[0]
-        vehicle_s = -model.period_s / math.log(min(max(pace, 1e-9), 0.999))
         tau_1, tau_2 = sorted((vehicle_s, self.core.lag_s), reverse=True)
         theta = self.core.delay_s
         gain = tau_1 / (2.0 * theta)
@@ -64,7 +69,7 @@ class Pid:
         steady_mps = reference_mps + (tau_1 + tau_2) * self.reference.accel_mps2
         steady_mps += gain * (error_mps - tau_2 * rate_mps2) + self.integral_mps
         drive_ma = (steady_mps - response.offset_mps / (1.0 - pace)) / response.dc_gain if response.dc_gain else 0.0
-        inverse = current_for(model, drive_ma, self.state, signals, self.inversion)
+        inverse = self.inversion.step(model, drive_ma, self.state, signals)
         wanted_ma = inverse.nearest(self.limits.last_ma)
         current_ma = self.limits.step(wanted_ma, self.dt_s)
         if current_ma == wanted_ma:

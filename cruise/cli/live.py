@@ -95,8 +95,10 @@ def view(status: Status, seconds: float, grade_deg: float) -> Panel:
     errors.add_column("m/s", justify="right")
     for name, error in status.rms_ahead_mps.items():
         errors.add_row(name, f"{error:.3f}")
+    decision = status.decision
+    decided = Text(f"{decision.time_s:.0f} s: {decision.change}: {decision.why}" if decision else "", "dim")
     both = Table.grid(padding=(0, 4))
-    both.add_row(drive, Group(learned), Group(errors, Text(f"adopted {status.adoptions} times", "dim")))
+    both.add_row(drive, Group(learned), Group(errors, Text(f"adopted {status.adoptions} times", "dim"), decided))
     bar = ProgressBar(total=seconds, completed=status.time_s)
     return Panel(Group(both, bar), title=f"cruise demo   {status.time_s:5.1f} s of {seconds:.0f} s")
 

@@ -1,8 +1,9 @@
-"""What a run adds to what is kept of a machine: time, distance, exits, and what was learned."""
+"""What a run adds to what is kept of a machine: time, distance, exits, what was learned and what of it was refused."""
 
 import math
 from collections import Counter
 
+from cruise.estimation.supervision import Decision
 from cruise.service.cruise_node import CruiseNode
 from cruise.service.persistence import Keeper, Kept, PersistenceSettings, Statistics, fingerprint
 
@@ -14,7 +15,8 @@ class Chronicle:
         self._node, self._settings, self._keeper = node, settings, keeper
         self._model = fingerprint(node.estimator.factory)
         self._before = before.statistics if before is not None else Statistics()
-        self._exits = Counter(self._before.exits)
+        self._exits, self._decisions = Counter(self._before.exits), Counter(self._before.decisions)
+        self._decision: Decision | None = None
         self._run_s = self._engaged_s = self._distance_m = 0.0
         self._controls = False
         self._next_s = settings.every_s
@@ -28,6 +30,10 @@ class Chronicle:
             speed_mps = self._node.hearing.value("ground_speed_mps", now_s)
             self._engaged_s += passed_s
             self._distance_m += 0.0 if math.isnan(speed_mps) else abs(speed_mps) * passed_s
+        decision = self._node.supervisor.decision
+        if decision is not None and decision is not self._decision:
+            self._decision = decision
+            self._decisions[f"{decision.change}: {decision.why}"] += 1
         if let_go:
             self._exits[self._node.engagement.exit_condition] += 1
         if let_go or now_s >= self._next_s:
@@ -47,6 +53,7 @@ class Chronicle:
             engaged_s=before.engaged_s + self._engaged_s,
             distance_m=before.distance_m + self._distance_m,
             exits=dict(self._exits),
+            decisions=dict(self._decisions),
         )
         learned = self._node.estimator.save()
         return Kept(machine=self._settings.machine, model=self._model, learned=learned, statistics=statistics)

@@ -16,13 +16,14 @@ from cruise.control.controller import Command, Controller
 from cruise.control.engagement import Engagement, ExitReason, State
 from cruise.control.plausibility import Plausibility, Seen
 from cruise.control.situation import Situation
-from cruise.estimation.estimator import Estimator, Learned
+from cruise.estimation.estimator import Learned
 from cruise.estimation.gate import Gate
-from cruise.estimation.supervision import Supervisor
+from cruise.estimation.supervision import Decision
 from cruise.model import files
 from cruise.model.model import Model
 from cruise.sampling import StreamSampler
 from cruise.service.hearing import RADAR, Hearing
+from cruise.service.learning import Learning
 from cruise.service.pace import Pace
 from cruise.service.settings import CruiseSettings
 from cruise.service.telling import Telling
@@ -53,6 +54,7 @@ class Status:
     learned: Model
     rms_ahead_mps: dict[str, float]
     adoptions: int
+    decision: Decision | None  # about a learned model, the last one
     exit_reason: ExitReason
     exit_condition: str
     exit_detail: str
@@ -81,9 +83,9 @@ class CruiseNode:
         self.canopen = canopen
         self.sampler = StreamSampler(settings.sampling, _SAMPLED)  # over a period of the model, to learn from
         self.frame_sampler = StreamSampler(settings.sampling, _FRAMES)  # over a frame, to drive by
-        self.estimator = Estimator(model, settings.estimator)
-        self.supervisor = Supervisor(model, settings.supervision)
         self.controller = Controller(model, settings.control)
+        self.learning = Learning(model, self.controller, settings.estimator, settings.supervision, settings.proof)
+        self.estimator, self.supervisor = self.learning.estimator, self.learning.supervisor
         commissioning = settings.commissioning
         if commissioning is not None:
             check(experiments, commissioning, self.period_s)
@@ -166,7 +168,7 @@ class CruiseNode:
 
     def status(self, now_s: float) -> Status:
         """What to show."""
-        errors = self.supervisor.errors
+        supervisor = self.supervisor
         return Status(
             time_s=now_s,
             state=self.engagement.state,
@@ -178,8 +180,9 @@ class CruiseNode:
             command=self.command,
             gate=self.learned.gate,
             learned=self.estimator.snapshot(),
-            rms_ahead_mps={name: errors.rms_mps(name) for name in errors.mean_squares},
-            adoptions=self.supervisor.adoptions,
+            rms_ahead_mps=supervisor.rms_mps,
+            adoptions=supervisor.adoptions,
+            decision=supervisor.decision,
             exit_reason=self.engagement.exit_reason,
             exit_condition=self.engagement.exit_condition,
             exit_detail=self.engagement.exit_detail,
@@ -225,16 +228,8 @@ class CruiseNode:
             # for what it finds, and a model is made from it offline, where a person sees the residuals. To the
             # estimator it is a hole in the samples, after which it warms up anew.
             self.learned = Learned(math.nan, math.nan, Gate.OVERRIDDEN)
-            self.supervisor.errors.restart()
             return
-        self.learned = self.estimator.learn(sample)
-        before = self.estimator.applied
-        if self.learned.gate is Gate.STALE_SIGNAL or before is None or self.estimator.state is None:
-            self.supervisor.errors.restart()
-            return
-        adopted = self.supervisor.step(before, sample, self.estimator.snapshot())
-        if adopted is not None:
-            self.controller.adopt(adopted)
+        self.learned = self.learning.learn(sample)
 
     def _value(self, name: str, now_s: float) -> float:
         return self.hearing.value(name, now_s)

@@ -18,6 +18,7 @@ from cruise import settings as strict
 from cruise.can.bus import Filter, PatientBus, open_bus
 from cruise.can.error_frames import BusHealth
 from cruise.can.node_texts import NodeTexts
+from cruise.estimation.supervision import Decision
 from cruise.service.chronicle import Chronicle
 from cruise.service.cruise_node import CruiseNode
 from cruise.service.loop import Lateness, serve
@@ -80,6 +81,7 @@ class Daemon:
         self.bus = PatientBus(settings.can.channel, lambda: open_bus(settings.can, filters=self._filters()))
         self._health = self.bus.health
         self._state = self._problem = ""
+        self._decision: Decision | None = None
         if self.node.canopen is not None:
             self.node.canopen.describe(self._texts())
 
@@ -115,6 +117,9 @@ class Daemon:
         if self.node.engagement.state != self._state:
             self._state = self.node.engagement.state
             self.notifier.tell(f"STATUS={self._state}")
+        if self.node.supervisor.decision is not self._decision:
+            self._decision = self.node.supervisor.decision
+            self.say(f"learned model {self._decision}")
         if self.chronicle is not None:
             self.chronicle.step(now_s)
         if self._keeper is not None and self._keeper.problem != self._problem:

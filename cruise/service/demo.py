@@ -54,6 +54,7 @@ class Result:
             "standard_errors": dict(zip(names, status.learned.theta_std, strict=True)),
             "factory_parameters": dict(zip(names, self.node.estimator.factory.theta, strict=True)),
             "models_adopted": status.adoptions,
+            "decisions": [one.as_json() for one in self.node.supervisor.decisions],
             "gate_share": {gate: count / driven for gate, count in sorted(self.gates.items())},
             "states": [{"time_s": time_s, "state": state} for time_s, state in self.states],
             "exit_reason": status.exit_reason.name.lower(),

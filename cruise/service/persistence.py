@@ -46,6 +46,7 @@ class Statistics(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     engaged_s: Amount = 0.0
     distance_m: Amount = 0.0  # while engaged
     exits: dict[str, Count] = {}  # by condition
+    decisions: dict[str, Count] = {}  # about learned models, by what was decided and why
 
 
 class Kept(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

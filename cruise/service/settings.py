@@ -11,6 +11,7 @@ from cruise.can.settings import CanSettings
 from cruise.control.commissioning import CommissioningSettings
 from cruise.control.controller import ControlSettings
 from cruise.control.plausibility import PlausibilitySettings
+from cruise.control.proof import ProofSettings
 from cruise.control.situation import EngagementSettings
 from cruise.estimation.estimator import EstimatorSettings
 from cruise.estimation.supervision import SupervisionSettings
@@ -30,6 +31,7 @@ class CruiseSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_f
     sampling: SamplingSettings = SamplingSettings()
     estimator: EstimatorSettings = EstimatorSettings()
     supervision: SupervisionSettings = SupervisionSettings()
+    proof: ProofSettings = ProofSettings()
     engagement: EngagementSettings = EngagementSettings()
     plausibility: PlausibilitySettings = PlausibilitySettings()
     control: ControlSettings = ControlSettings()

@@ -1,5 +1,6 @@
 """What is written down while driving: one row per command frame, named columns."""
 
+import math
 from dataclasses import astuple, dataclass, fields
 
 import numpy as np
@@ -27,6 +28,7 @@ class Row:
     learned_ahead_mps: float
     factory_ahead_mps: float
     persistence_ahead_mps: float
+    models_adopted: float
 
 
 class Trace:
@@ -37,7 +39,7 @@ class Trace:
 
     def add(self, now_s: float, node: CruiseNode, combine: Combine) -> None:
         """Write the present instant down."""
-        truth, errors = combine.truth, node.supervisor.errors
+        truth, ahead_mps = combine.truth, node.supervisor.rms_mps
         engaged = node.engagement.state.controls
         self.rows.append(
             Row(
@@ -52,9 +54,10 @@ class Trace:
                 engine_speed_rpm=truth.engine_speed_rpm,
                 grade_deg=truth.grade_deg,
                 gate_open=float(node.learned.gate is Gate.OPEN),
-                learned_ahead_mps=errors.rms_mps("learned"),
-                factory_ahead_mps=errors.rms_mps("factory"),
-                persistence_ahead_mps=errors.rms_mps("persistence"),
+                learned_ahead_mps=ahead_mps.get("learned", math.nan),
+                factory_ahead_mps=ahead_mps.get("factory", math.nan),
+                persistence_ahead_mps=ahead_mps.get("persistence", math.nan),
+                models_adopted=float(node.supervisor.adoptions),
             )
         )
 

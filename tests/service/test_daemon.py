@@ -14,6 +14,7 @@ from cruise.can.error_frames import BusHealth
 from cruise.can.settings import CanSettings
 from cruise.cli.places import CONFIG
 from cruise.control.engagement import State
+from cruise.estimation.supervision import Change, Decision
 from cruise.service import settings as service_settings
 from cruise.service.daemon import Daemon
 from cruise.service.notify import Notifier
@@ -78,6 +79,26 @@ def test_what_cannot_be_kept_is_said_once(settings: CruiseSettings, tmp_path: Pa
     (tmp_path / "kept" / "state.new").symlink_to("/dev/full")
     run(daemon, 20)
     assert len([line for line in said if "No space left on device" in line]) == 1
+
+
+def test_a_decision_about_a_learned_model_is_said_once_and_kept(settings: CruiseSettings):
+    said: list[str] = []
+    daemon = Daemon(settings, Notifier(""), said.append)
+    decided = Decision(0.1, Change.REFUSED, "its margins are too small", {"gain_margin": 1.234})
+
+    def each_tick(now_s: float) -> None:
+        if not daemon.node.supervisor.decisions:
+            daemon.node.supervisor.decisions.append(decided)
+
+    run(daemon, 5, each_tick)
+    assert [line for line in said if "margins" in line] == [
+        "learned model refused: its margins are too small (gain_margin 1.23)"
+    ]
+    assert daemon.node.status(0.5).decision is decided
+    second = Daemon(settings, Notifier(""), print)
+    assert second.chronicle is not None
+    assert second.chronicle.state().statistics.decisions == {"refused: its margins are too small": 1}
+    second.bus.close()
 
 
 def test_a_watchdog_meant_for_another_process_is_not_fed(settings: CruiseSettings):

@@ -81,6 +81,18 @@ def _hill() -> Course:
     )
 
 
+def _climb() -> Course:
+    """Up a hill at one speed, and faster while still on it."""
+    time_s = _over(16.0)
+    speed_mps = np.interp(time_s, [8.0, 10.0], [2.0, 4.0])
+    return Course(
+        "10 degrees uphill from 1 s on, faster by 1 m/s2 from 8 to 10 s",
+        speed_mps,
+        {OUTPUT: speed_mps, "pitch_deg": np.where(time_s >= 1.0, 10.0, 0.0)},
+        (OUTPUT,),
+    )
+
+
 COURSES: Final = {
     "coulomb_friction": _reversal(0.3),
     "rolling_resistance": _reversal(0.3),
@@ -88,4 +100,5 @@ COURSES: Final = {
     "sensor_bias": _bias(),
     "wheel_slip": _slip(),
     "grade": _hill(),
+    "power_limit": _climb(),
 }

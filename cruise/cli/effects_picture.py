@@ -14,7 +14,12 @@ from cruise.report.colours import BLUE, GREEN, GREY, ORANGE, RED
 from cruise.signals import SIGNALS
 
 MODERATE, STRONG = 0.25, 0.5  # of the way from a parameter's neutral value to its farther bound
-HELD_BACK: Final = ({"color": GREEN, "ls": "-."}, {"color": RED, "ls": ":"})  # all strong but one parameter
+HELD_BACK: Final = (  # all strong but one parameter
+    {"color": GREEN, "ls": "-."},
+    {"color": RED, "ls": ":"},
+    {"color": GREEN, "ls": (0, (1, 1))},
+    {"color": RED, "ls": "--"},
+)
 PERIOD_S: Final = 0.05  # s
 TITLE_WIDTH, NARROW = 88, "\u00a0"  # characters over a panel; the space at which no line ends
 DELAY, TIME_CONSTANT_S, GAIN_MPS_PER_MA = 8, 0.6, 2.5e-3  # of the machine that answers: 0.4 s, 2.5 m/s at 1000 mA

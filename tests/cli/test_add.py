@@ -239,8 +239,16 @@ def test_an_effect_that_explains_nothing_is_said_to(verb, drives):
 
 
 def test_the_file_goes_unchanged_into_the_service(built):
-    """Estimator and controller take it, with its effects, and the machine is engaged with it."""
-    service = msgspec.structs.replace(service_settings.load(CONFIG / "cruise.yaml"), model=str(built / "two.yaml"))
+    """Estimator and controller take it, with its effects, and the machine is engaged with it.
+
+    It is the model of another machine, so that current and speed may differ from it by three times as much as usual.
+    """
+    service = service_settings.load(CONFIG / "cruise.yaml")
+    usual = service.plausibility
+    wide = msgspec.structs.replace(
+        usual, disturbance_mps=3.0 * usual.disturbance_mps, disturbance_share=3.0 * usual.disturbance_share
+    )
+    service = msgspec.structs.replace(service, model=str(built / "two.yaml"), plausibility=wide)
     plant = settings.load(CONFIG / "plant.yaml", PlantSettings)
     driven = demo.run(service, plant, course.load(CONFIG / "demo.yaml"), 0, 24.0)
     assert driven.node.estimator.factory == files.load(built / "two.yaml")

@@ -1,14 +1,24 @@
-"""Recordings as CSV files: a header line that names the columns, then one line a sample."""
+"""Recordings as CSV files: a header line that names the columns, then one line a sample.
+
+Where something else separates the cells, a comma is the decimal sign. Times are seconds or stamps as ISO 8601 has them.
+"""
 
 import csv
 import math
+import re
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
-from cruise.recording import TIME, Recording, RecordingError, RecordingSettings, listed, tabulated
+from cruise.recording import TIME, Recording, RecordingError, RecordingSettings, column_of, listed, tabulated
 from cruise.sampling import FloatArray
+
+STAMP: Final = re.compile(
+    r"(\d{4}-\d\d-\d\d[T ]\d\d:\d\d(?::\d\d(?:\.\d{1,6})?)?)(?:(?<=\.\d{6})\d+)?(?:Z|[+-]\d\d(?::?\d\d)?)?"
+)
+"""ISO 8601 to the microsecond; the zone is left aside, for times count from each other."""
 
 
 def read_csv(path: str | Path, settings: RecordingSettings, dt_s: float | None = None) -> Recording:
@@ -18,6 +28,8 @@ def read_csv(path: str | Path, settings: RecordingSettings, dt_s: float | None =
     """
     lines = _lines(path)
     delimiter = _delimiter(lines)
+    if delimiter != ",":
+        lines = [*lines[:1], *(line.replace(",", ".") for line in lines[1:])]
     table = _plain_numbers(lines, delimiter)
     if table is not None:
         header, _ = _read_rows(path, lines[:1], delimiter)
@@ -25,6 +37,9 @@ def read_csv(path: str | Path, settings: RecordingSettings, dt_s: float | None =
         return tabulated(str(path), raw, settings, dt_s, lambda row: f"{path}:{row + 2}", f"{path}:1")
     header, rows = _read_rows(path, lines, delimiter)
     raw = {name: numbers([row[index] for _, row in rows]) for index, name in enumerate(header)}
+    time = column_of(settings.time, header, settings)
+    if time in raw and np.isnan(raw[time]).all():
+        raw[time] = np.array([_stamp_s(row[header.index(time)]) for _, row in rows])
     return tabulated(str(path), raw, settings, dt_s, lambda row: f"{path}:{rows[row][0]}", f"{path}:1")
 
 
@@ -46,13 +61,19 @@ def write_csv(recording: Recording, path: str | Path) -> None:
 
 def _lines(path: str | Path) -> list[str]:
     try:
-        return Path(path).read_text(encoding="utf-8-sig").splitlines()
+        text = Path(path).read_text(encoding="utf-8-sig")
     except FileNotFoundError as error:
         raise RecordingError(f"{path}: no such file") from error
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
-        raise RecordingError(f"{path}: not UTF-8 text at byte {error.start}; is it a CSV file?") from error
+        line = error.object.count(b"\n", 0, error.start) + 1
+        raise RecordingError(
+            f"{path}:{line}: not UTF-8 text; if it is a CSV file, save it again as CSV in UTF-8"
+        ) from error
+    if "\0" in text:
+        raise RecordingError(f"{path}: not text but binary data; export the recording as a CSV file")
+    return text.splitlines()
 
 
 def _delimiter(lines: Sequence[str]) -> str:
@@ -88,7 +109,8 @@ def _read_rows(path: str | Path, lines: Sequence[str], delimiter: str) -> tuple[
         for row in reader:
             if len(row) > len(header):
                 raise RecordingError(
-                    f"{path}:{reader.line_num}: {len(row)} cells, but the header names {len(header)} columns"
+                    f"{path}:{reader.line_num}: {len(row)} cells, but the header names {len(header)} columns; the "
+                    "first line has to be the header, and a cell that holds the separator in quotes"
                 )
             if any(row):
                 rows.append((reader.line_num, row + [""] * (len(header) - len(row))))
@@ -115,4 +137,13 @@ def _number(text: str) -> float:
     try:
         return float(text)
     except ValueError:
+        return math.nan
+
+
+def _stamp_s(text: str) -> float:
+    """The seconds since 1970 of a stamp such as 2026-08-01T09:00:00.05, NaN for none; in its own zone, if any."""
+    stamp = STAMP.fullmatch(text.strip())
+    try:
+        return 1e-6 * float(np.datetime64(stamp[1], "us").astype(np.int64)) if stamp else math.nan
+    except ValueError:  # no such day
         return math.nan

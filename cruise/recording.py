@@ -31,6 +31,7 @@ SAME_STEP: Final = 1e-3  # relative; steps that differ less are one step, writte
 ROUNDING: Final = 1e-6  # of a grid step; what number formats do to time stamps over a whole file
 NEAR_STEP: Final = 0.02  # relative; a clock and jitter of this size hide the rate that was meant
 EARLY: Final = 0.1  # of a grid step: a held value stamped this little late is taken as in time; DART jitters by 0.095
+MAX_STEP_S: Final = 3.0  # no prediction that is judged 3 s ahead can be made from rarer readings
 MAX_GAP_NOTES: Final = 5
 
 
@@ -193,7 +194,9 @@ def _rising(name: str, readings: Readings, notes: list[str]) -> Readings:
 def _roles(where: str, names: Collection[str], settings: RecordingSettings, wanted: tuple[str, ...]) -> tuple[str, ...]:
     """Return the columns that are (time,) input and output, each named by itself or by the mapping."""
     roles = ("time", "input", "output")[-len(wanted) :]
-    found = [_column(role, name, where, names, settings) for role, name in zip(roles, wanted, strict=True)]
+    found = [column_of(name, names, settings) for name in wanted]
+    for role, name in zip(roles, found, strict=True):
+        _require(role, name, where, names)
     if len(set(found)) < len(found):
         raise RecordingError(f"{where}: one column cannot be both input and output, or time; choose three")
     for role, others in (("columns", settings.columns), ("active_when", _gate_columns(settings))):
@@ -249,12 +252,10 @@ def notes_of(recordings: Sequence[Recording]) -> list[str]:
     return [f"{Path(one.source).name}: {note}" for one in recordings for note in one.notes]
 
 
-def _column(role: str, name: str, where: str, names: Collection[str], settings: RecordingSettings) -> str:
-    """Return the column that has this name in the file, else the one that the mapping gives it."""
+def column_of(name: str, names: Collection[str], settings: RecordingSettings) -> str:
+    """Return the column that has this name in the file, else the one that the mapping gives it, else the name."""
     mapped = (column for column, one in settings.columns.items() if one.signal == name and column in names)
-    column = name if name in names else next(mapped, name)
-    _require(role, column, where, names)
-    return column
+    return name if name in names else next(mapped, name)
 
 
 def _require(role: str, name: str, where: str, names: Collection[str]) -> None:
@@ -262,8 +263,12 @@ def _require(role: str, name: str, where: str, names: Collection[str]) -> None:
         return
     near = difflib.get_close_matches(name, names, n=1)
     hint = f"did you mean {near[0]!r}? " if near else ""
-    choose = f"--{role} NAME, or {role}: in the settings" if role in ("input", "output") else f"{role}: in the settings"
-    raise RecordingError(f"{where}: no column {name!r} for {role}; {hint}it has {listed(names)}; choose with {choose}")
+    in_file = "in the file of --columns"
+    if role in ("input", "output"):
+        remedy = f"choose with --{role} NAME, or {role}: NAME {in_file}"
+    else:
+        remedy = f"choose with {role}: NAME {in_file}" if role == "time" else f"correct it {in_file}"
+    raise RecordingError(f"{where}: no column {name!r} for {role}; {hint}it has {listed(names)}; {remedy}")
 
 
 def _gate_columns(settings: RecordingSettings) -> list[str]:
@@ -288,6 +293,10 @@ def _usable_rows(
 ) -> npt.NDArray[np.intp]:
     """Return the indices of the rows that have a time of their own; raise where time runs backwards."""
     timed = np.flatnonzero(~np.isnan(time_s))
+    if len(time_s) and not len(timed):
+        raise RecordingError(
+            f"{place(0)}: no row has a time; let the time column hold seconds, or stamps such as 2026-08-01T09:00:00.05"
+        )
     if len(timed) < len(time_s):
         notes.append(f"{len(time_s) - len(timed)} rows have no time, left out")
     steps = np.diff(time_s[timed])
@@ -303,6 +312,12 @@ def _usable_rows(
         notes.append(f"{len(timed) - len(kept)} rows repeat the time of the next one, left out")
     if len(kept) < MIN_SAMPLES:
         raise RecordingError(f"{source}: {len(kept)} usable rows are too few; a recording needs {MIN_SAMPLES} at least")
+    step_s = _typical_step(time_s[kept])
+    if step_s > MAX_STEP_S:
+        raise RecordingError(
+            f"{source}: one row every {step_s:.4g} s is too few to see a drive move; times in ms get a scale in the "
+            "file of --columns, under the column's own name: columns: {time_s: {scale: 0.001}}"
+        )
     return kept
 
 

@@ -5,6 +5,10 @@
 The dialect is the core schema of YAML 1.2 (yaml.org/spec/1.2.2, section 10.3): 1e-3 is a number, and on, off, yes, no
 and 1:30 are text. PyYAML's own dialect, YAML 1.1, has both the other way round. Anchors, aliases and tags are refused,
 and so are nan and inf: a nan passes every comparison with a limit.
+
+What is written begins with `%YAML 1.2` and ends with `...`, both as the standard has them (sections 6.8 and 9.1), and
+what begins so and has no such end is refused: the last lines of a model file are history, and without them the rest
+would look whole. What is written by hand needs neither.
 """
 
 import difflib
@@ -22,6 +26,7 @@ import msgspec
 import yaml
 
 MAX_BYTES = 1_000_000  # a settings file has 10 kB, a model file with its history 100 kB; PyYAML reads about 100 kB/s
+DECLARED, END = "%YAML", re.compile(r"^\.\.\.", re.MULTILINE)  # of a written file, the first line and the last
 MAX_DEPTH = 32  # settings nest 4 deep; Python's own stack ends near 200 nested nodes
 
 _CORE_SCHEMA = (  # tag, pattern, first characters; in the order of precedence
@@ -75,6 +80,11 @@ def load(path: str | Path, type_: type[T]) -> T:
 
 def parse(text: str, type_: type[T], source: str) -> T:
     """Read YAML `text` as a `type_`; `source` is what errors call it. Raises SettingsError, as `load` does."""
+    if text.startswith(DECLARED) and not END.search(text):
+        raise SettingsError(
+            f"{source}:{len(text.splitlines())}: cut off, for the file begins with {DECLARED} and has no '...' at its "
+            "end; take a whole copy of it"
+        )
     root = _compose(text, source)
     if root is None:
         needs = ", ".join(field.encode_name for field in msgspec.structs.fields(type_) if field.required)
@@ -114,7 +124,9 @@ def save(path: str | Path, struct: msgspec.Struct) -> None:
 
 def dump(struct: msgspec.Struct) -> str:
     """Return `struct` as the YAML text that `parse` reads."""
-    return yaml.dump(msgspec.to_builtins(struct), Dumper=_Dumper, sort_keys=False, width=110)
+    return yaml.dump(
+        msgspec.to_builtins(struct), Dumper=_Dumper, sort_keys=False, width=110, version=(1, 2), explicit_end=True
+    )
 
 
 class _Loader(yaml.SafeLoader):
@@ -173,7 +185,7 @@ def _syntax_problem(error: yaml.MarkedYAMLError) -> str:
     if "'\\t'" in problem:
         return "a tab; YAML is indented with spaces"
     if problem == "but found another document":
-        return "a second document begins; keep one a file, without ---"
+        return "a second document begins; keep one a file, and nothing behind '...'"
     return f"not YAML: {', '.join(str(part) for part in (error.context, error.problem) if part)}"
 
 

@@ -297,6 +297,40 @@ def test_a_file_of_plain_numbers_reads_as_one_that_is_quoted(tmp_path, separator
         np.testing.assert_array_equal(one.columns[name], other.columns[name])
 
 
+@pytest.mark.parametrize("separator", [";", "\t"])
+def test_a_comma_that_separates_nothing_is_the_decimal_sign(tmp_path, separator):
+    rows = [row.replace(",", separator).replace(".", ",") for row in ramp()]
+    read = read_csv(csv_of(tmp_path, rows, separator.join(["time_s", INPUT, OUTPUT])), PLAIN)
+    assert (read.dt_s, read.notes) == (0.1, ())
+    np.testing.assert_allclose(read.output, 0.2 * np.arange(20), atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("stamp", "start_s"),
+    [
+        ("2026-08-01T08:59:{:06.3f}Z", 1785574740.0),
+        ("2026-08-01 08:59:{:012.9f}+02", 1785574740.0),
+        ("2026-08-01 08:59:{:06.3f}", 1785574740.0),
+        ("2026-08-01T08:59:{:06.3f}+02:00", 1785574740.0),
+    ],
+)
+def test_times_can_be_stamps(tmp_path, stamp, start_s):
+    rows = [f"{stamp.format(0.1 * k)},{k},1" for k in range(20)]
+    rows[4] = rows[4].replace("2026", "now")
+    read = read_csv(csv_of(tmp_path, rows, "Time,pump_current_ma,ground_speed_mps"), RecordingSettings(time="Time"))
+    np.testing.assert_allclose(read.time_s, start_s + 0.1 * np.arange(20), atol=1e-5)
+    assert read.notes[0] == "1 rows have no time, left out"
+    path = csv_of(tmp_path, [*rows, "2026-13-01 00:00:00,1,1"], "Time,pump_current_ma,ground_speed_mps")
+    mapped = RecordingSettings(columns={"Time": ColumnSettings(signal="time_s")})
+    np.testing.assert_array_equal(read_csv(path, mapped).time_s, read.time_s)
+
+
+def test_times_in_ms_get_a_scale(tmp_path):
+    path = csv_of(tmp_path, ramp(20, 100.0), "ms,pump_current_ma,ground_speed_mps")
+    read = read_csv(path, RecordingSettings(time="ms", columns={"ms": ColumnSettings(scale=0.001)}))
+    assert (read.dt_s, len(read)) == (0.1, 20)
+
+
 def test_a_gap_stays_a_gap(tmp_path):
     rows = ramp(60)
     read = read_csv(csv_of(tmp_path, rows[:20] + rows[51:]), PLAIN)
@@ -345,7 +379,7 @@ def changed(rows: list[str], index: int, row: str) -> list[str]:
             ramp(),
             "drive.csv:1: no column 'pump_current_ma' for input; did you mean 'current'?",
         ),
-        ("time_s,current,ground_speed_mps", ramp(), "choose with --input NAME, or input: in the settings"),
+        ("time_s,current,ground_speed_mps", ramp(), "--input NAME, or input: NAME in the file of --columns"),
         (
             "time_s,pump_current_ma,v",
             ramp(),
@@ -353,11 +387,15 @@ def changed(rows: list[str], index: int, row: str) -> list[str]:
         ),
         ("time_s,pump_current_ma,ground_sped_mps", ramp(), "did you mean 'ground_sped_mps'?"),
         ("t,pump_current_ma,ground_speed_mps", ramp(), "no column 'time_s' for time"),
+        ("t,pump_current_ma,ground_speed_mps", ramp(), "choose with time: NAME in the file of --columns"),
         ("time_s,pump_current_ma,pump_current_ma", ramp(), "several columns are named pump_current_ma"),
         ("0.0,1.0,2.0", ramp(), "drive.csv:1: no header line"),
         ("", [], "drive.csv:1: no header line"),
         (None, changed(ramp(), 7, "0.55,70,1.4"), "drive.csv:9: time runs backwards, from 0.6 s to 0.55 s; split"),
         (None, changed(ramp(), 7, "0.7,70,1.4,9"), "drive.csv:9: 4 cells, but the header names 3 columns"),
+        ("Logger X200", ["", "time_s,pump_current_ma", *ramp()], "the first line has to be the header"),
+        (None, [f"09:00:{k:02d},1,1" for k in range(20)], "drive.csv:2: no row has a time; let the time column hold"),
+        (None, ramp(20, 50.0), "one row every 50 s is too few to see a drive move; times in ms get a scale"),
         (None, ramp(9), "9 usable rows are too few; a recording needs 10 at least"),
         (None, [], "0 usable rows are too few"),
         (None, [f"{k / 10},x,1" for k in range(20)], "pump_current_ma holds no number at all; choose another column"),
@@ -374,7 +412,7 @@ def test_a_file_that_cannot_be_used_says_why(tmp_path, header, rows, expected):
 @pytest.mark.parametrize(
     ("settings", "expected"),
     [
-        (RecordingSettings(columns={"gaer": ColumnSettings()}), "no column 'gaer' for columns"),
+        (RecordingSettings(columns={"gaer": ColumnSettings()}), "'gaer' for columns.*; correct it in the file of"),
         (RecordingSettings(active_when=ActiveWhen(column="safe")), "no column 'safe' for active_when"),
         (RecordingSettings(columns={"time_s": ColumnSettings(scale=0.0)}), "1 usable rows are too few"),
         (RecordingSettings(input="ground_speed_mps", output="ground_speed_mps"), "both input and output"),
@@ -396,8 +434,11 @@ def test_files_that_are_not_there_or_not_text(tmp_path):
         read_csv(tmp_path / "none.csv", PLAIN)
     with pytest.raises(RecordingError, match="Is a directory"):
         read_csv(tmp_path, PLAIN)
-    (tmp_path / "f.csv").write_bytes(b"time_s,\xff\xfe\n")
-    with pytest.raises(RecordingError, match="not UTF-8"):
+    (tmp_path / "f.csv").write_bytes(b"time_s,\n\xff\xfe\n")
+    with pytest.raises(RecordingError, match=r"f\.csv:2: not UTF-8.*save it again as CSV in UTF-8"):
+        read_csv(tmp_path / "f.csv", PLAIN)
+    (tmp_path / "f.csv").write_bytes(b"PK\x03\x04\0\0\n")
+    with pytest.raises(RecordingError, match="binary data; export"):
         read_csv(tmp_path / "f.csv", PLAIN)
 
 

@@ -1,6 +1,7 @@
 """A diagnosis as it is printed: the verdict, the physics, the numbers, what else it could be, and what to do next."""
 
 import math
+import shlex
 import textwrap
 from collections.abc import Sequence
 from typing import Final
@@ -16,14 +17,14 @@ from cruise.effects import EFFECTS
 from cruise.recording import notes_of
 from cruise.report import evidence
 from cruise.report.curve import curve
-from cruise.report.diagnosis import confidence, experiments, figure, hidden, look_alikes, sentence, span
+from cruise.report.diagnosis import DISCOUNTED, confidence, experiments, figure, hidden, look_alikes, sentence, span
 from cruise.report.effect import physics, what
 from cruise.report.evidence import SURE, Number
 from cruise.validation.candidates import UNNAMED
 from cruise.validation.diagnose import SEED, Diagnosis, Verdict
 from cruise.validation.noise_floor import NoiseFloor
 from cruise.validation.search import Judged
-from cruise.validation.trying import ENOUGH, MUCH, asked
+from cruise.validation.tried import ENOUGH, MUCH, asked
 
 WIDTH: Final = 80
 LINES: Final = 8  # of the ranking; --json has them all
@@ -81,7 +82,7 @@ def _fits(found: Diagnosis) -> list[tuple[str, Judged]]:
     if found.verdict is Verdict.AMBIGUOUS:
         trials = [(name, evidence.first_tried(found, name)) for name in found.effects]
         return [(name, one.judged) for name, one in trials if one is not None]
-    return [(name, evidence.known(found)) for name in found.effects]
+    return [(name, found.final) for name in found.effects]
 
 
 def _dependences(console: Console, found: Diagnosis) -> None:
@@ -149,25 +150,29 @@ def _ranking(console: Console, found: Diagnosis) -> None:
         later = f"step {step}" if step > 1 and found.verdict is Verdict.MISSING else ""
         table.add_row(
             one.effect, figure(one.error_after_mps), f"{round(100 * trial.gain)}", f"{trial.sureness:.1f}",
-            f"{trial.counted:.0f}{'*' if trial.credit < 1.0 else ''}", confidence(one.confidence), later,
+            f"{round(trial.counted)}{'*' if trial.credit < 1.0 else ''}", confidence(one.confidence), later,
         )  # fmt: skip
     unnamed = evidence.best_unnamed(found)
     if unnamed is not None:
         name = f"any curve of {unnamed.name.removeprefix(UNNAMED)}"
         table.add_row(
             name, figure(evidence.error_mps(unnamed.judged)), f"{round(100 * unnamed.gain)}",
-            f"{unnamed.sureness:.1f}", f"{unnamed.evidence:.0f}", "", "", style="dim",
+            f"{unnamed.sureness:.1f}", f"{round(unnamed.evidence)}", "", "", style="dim",
         )  # fmt: skip
     console.print()
     console.print(table)
-    _print(console, "less %: by which the squared error fell; t: the same in standard errors, over blocks of time")
+    _print(
+        console,
+        "less %: by which the squared error fell, raw and whitened in equal parts; t: the same in standard errors, "
+        "over blocks of time",
+    )
     _print(
         console,
         f"evidence: beside a little of every other effect; {ENOUGH:g} is enough for a name, {asked(MUCH):g} for one "
         f"that takes {100 * MUCH:.0f} % or more of the squared error",
     )
     if any(one.credit < 1.0 for one in tried.values()):
-        _print(console, "*: only what counts of it, for its signal answers to the drive itself")
+        _print(console, f"*: only what counts of it, {DISCOUNTED}")
     rest = len(found.ranking) - LINES
     if rest > 0:
         _print(console, f"and {count_of(rest, 'effect')} more that explain less (--json has them all)")
@@ -176,20 +181,23 @@ def _ranking(console: Console, found: Diagnosis) -> None:
 
 
 def _refusal(effect: str, reason: str) -> str:
-    return f"`{effect}`: {reason} - " + ("not excited, not absent" if "never moves" in reason else "it can't be blamed")
+    why = reason.removesuffix(" -")  # the unit of what has none
+    return f"`{effect}`: {why} - " + ("not excited, not absent" if "never moves" in why else "it can't be blamed")
 
 
 def _commands(found: Diagnosis, model: str, recordings: Sequence[str], options: Sequence[str]) -> list[str]:
-    """What adds the effects, one after the other."""
-    if not found.effects or found.verdict is Verdict.AMBIGUOUS:
-        return []
+    """What adds the effects, one after the other; what asks again with the recording that decides between two."""
     files = " ".join(recordings if len(recordings) <= RECORDINGS_SHOWN else ["RECORDING..."])
     tail = "".join(f" {word}" for word in options)
-    lines, base = [], model
+    if found.verdict is Verdict.AMBIGUOUS:
+        return [f"cruise diagnose {files} NEW.csv --model {shlex.quote(model)}{tail}"]
+    lines, base = [], shlex.quote(model)
     for i, name in enumerate(found.effects):
         out = "better.yaml" if i == 0 else f"better_{i + 1}.yaml"
         lines.append(f"cruise add {name} --model {base} {files}{tail} -o {out}")
         base = out
+    if lines:
+        lines.append("add judges the discrete model that drives: its errors are a little other than these")
     return lines
 
 

@@ -133,7 +133,8 @@ def _explain(effect: Effect, drawn: Path | None) -> None:
     _part(console, "needs", needed or ["no signal beside current and speed"])
     _part(console, "helped by", [f"{name}: {_meaning(name)}" for name in effect.helps])
     shape = [f"{key} {bounds(one)}, neutral {one.neutral:g}: {one.meaning}" for key, one in effect.parameters.items()]
-    _part(console, "parameters", shape or ["none beside its coefficient"])
+    none = "none beside its coefficient" if effect.acts_as == "load" else "none of its own: the core holds them"
+    _part(console, "parameters", shape or [none])
     _part(console, "signature", [about.signature])
     _part(console, "looks like", [headline(_named(name)) for name in about.look_alikes])
     _part(console, "told apart", [about.experiment])
@@ -142,7 +143,8 @@ def _explain(effect: Effect, drawn: Path | None) -> None:
 
 
 def _meaning(signal: str) -> str:
-    return f"{SIGNALS[signal].meaning}, {SIGNALS[signal].unit}"
+    one = SIGNALS[signal]
+    return one.meaning if one.unit == "-" else f"{one.meaning}, {one.unit}"
 
 
 def _paragraph(console: Console, text: str) -> None:

@@ -18,6 +18,7 @@ from cruise.cli.reading import (
     OutputName,
     Recordings,
     columns_of,
+    count_of,
     destination,
     tables,
 )
@@ -56,7 +57,8 @@ def explore(
 def _print(found: analyses.Exploration, drawn: Path) -> None:
     console = Console(highlight=False)
     console.print(
-        f"{len(found.recordings)} recordings, {found.samples} samples of {found.period_s:g} s, {found.duration_s:.4g} s"
+        f"{count_of(len(found.recordings), 'recording')}, {found.samples} samples of {found.period_s:g} s, "
+        f"{found.duration_s:.4g} s"
     )
     notes = found.quality.notes if isinstance(found.quality, analyses.Quality) else ()
     for note in notes:

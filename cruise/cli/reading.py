@@ -12,7 +12,7 @@ from cruise import settings
 from cruise.cli.places import CONFIG
 from cruise.identification.preparation import PreparationSettings
 from cruise.model.model import Model
-from cruise.recording import Recording
+from cruise.recording import Recording, RecordingError
 from cruise.service.recordings import ReadingSettings, read_recording
 from cruise.settings import SettingsError
 
@@ -55,6 +55,11 @@ def columns_of(
 
 def tables(paths: list[Path], read: ReadingSettings, period_s: float | None = None) -> list[Recording]:
     """The recordings of these files, each on its own grid or on that of `period_s`."""
+    for path in paths:
+        if path.is_dir():
+            raise RecordingError(f"{path}: is a folder; name the recordings in it, as {path / '*.csv'} does")
+        if not path.exists():
+            raise RecordingError(f"{path}: no such file")
     return [read_recording(path, read, period_s) for path in paths]
 
 

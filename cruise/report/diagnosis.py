@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from typing import Final
 
 import numpy as np
 
@@ -11,7 +12,10 @@ from cruise.report.evidence import SURE, Number
 from cruise.validation.candidates import UNNAMED
 from cruise.validation.diagnose import SEED, Diagnosis, Verdict
 from cruise.validation.search import Judged, sureness
-from cruise.validation.trying import LEAST_GAIN, Tried, step_of
+from cruise.validation.tried import LEAST_GAIN, Tried, step_of
+
+DISCOUNTED: Final = "for its signal answers to the drive itself, or the line pressure speaks against it"
+"""Why not all of an effect's evidence counts."""
 
 
 def sentence(found: Diagnosis) -> str:
@@ -22,7 +26,7 @@ def sentence(found: Diagnosis) -> str:
     match found.verdict:
         case Verdict.MISSING:
             names, one = _all(found.effects), len(found.effects) == 1
-            after = _error(evidence.known(found))
+            after = _error(found.final)
             return (
                 f"{names} {'is' if one else 'are'} missing: with {'it' if one else 'them'} the error {horizon} falls "
                 f"from {before} to {after} m/s on data that the fit has not seen {sure}."
@@ -119,7 +123,7 @@ def _against(found: Diagnosis, tried: dict[str, Tried], other: str, alike: bool)
     if alike:
         return f"can't be told apart, {errors}"
     apart = sureness(its.judged, mine.judged, np.random.default_rng(SEED))
-    moved = f"; it answers to the drive itself and counts for {100 * its.credit:.0f} %" if its.credit < 1.0 else ""
+    moved = f"; it counts for {100 * its.credit:.0f} %, {DISCOUNTED}" if its.credit < 1.0 else ""
     if apart < SURE:
         return f"leaves {errors}, too close for the errors to decide ({apart:+.1f} standard errors){moved}"
     return f"leaves {errors}, {apart:.1f} standard errors apart{moved}"

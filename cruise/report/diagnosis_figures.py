@@ -15,7 +15,7 @@ CURVE_SHOWN: Final = 9  # points of a curve
 
 def report(found: Diagnosis, model: str, structure: str) -> dict[str, Any]:
     """The verdict as the design has it, then what it rests on; what is no number is null, so that it is JSON."""
-    final, base = evidence.known(found), found.base
+    final, base = found.final, found.base
     numbers = evidence.numbers(found.study, final)
     return {
         "verdict": found.verdict.value,
@@ -51,7 +51,7 @@ def report(found: Diagnosis, model: str, structure: str) -> dict[str, Any]:
         "parameters": {
             name: [_figures(one) for one in evidence.numbers_of(name, numbers)]
             for name in evidence.members(final.explanation)
-            if name not in evidence.members(base.explanation)
+            if name not in evidence.members(base.explanation) and not name.startswith(UNNAMED)
         },
         "moved": [
             {

@@ -60,13 +60,14 @@ def draw(found: Diagnosis, floor: NoiseFloor, path: Path) -> Path:
 
 
 def _shown(found: Diagnosis) -> list[Rung]:
-    """The steps that are drawn: those taken; of look-alikes each; where nothing is missing the best that was tried."""
+    """The steps that are drawn: those taken and not taken back; of look-alikes each; else the best that was tried."""
     if found.verdict is Verdict.AMBIGUOUS:
         tried = [evidence.first_tried(found, name) for name in found.effects]
     elif not found.explained:
         tried = [evidence.best_named(found)]
     else:
-        return evidence.rungs(found)
+        stayed = evidence.members(found.final.explanation)
+        return [one for one in evidence.rungs(found) if any(name in stayed for name in one.added)]
     return [evidence.rung(found, found.base, one.judged) for one in tried if one is not None]
 
 

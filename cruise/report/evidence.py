@@ -16,7 +16,7 @@ from cruise.validation.explanation import CORE, RESONANCE, Explanation
 from cruise.validation.noise_floor import NoiseFloor, noise_floor
 from cruise.validation.search import Judged
 from cruise.validation.study import Study
-from cruise.validation.trying import Tried, tried_in
+from cruise.validation.tried import Tried, tried_in
 
 AT_BOUND: Final = 1e-3  # of the range between the bounds: a solver that stays inside comes no closer
 SURE: Final = 2.0  # standard errors
@@ -78,13 +78,6 @@ def best_named(found: Diagnosis) -> Tried | None:
 def best_unnamed(found: Diagnosis) -> Tried | None:
     """The curve without physics that came out best there."""
     return next((one for one in found.steps[0].tried if one.name.startswith(UNNAMED)), None)
-
-
-def known(found: Diagnosis) -> Judged:
-    """The fit with every effect that was named, without the dependence that has no name."""
-    stops = [*(step.before for step in found.steps), found.final]
-    named = [one for one in stops if not any(name.startswith(UNNAMED) for name in members(one.explanation))]
-    return named[-1]
 
 
 def floor_of(found: Diagnosis, native: Sequence[Recording]) -> NoiseFloor:

@@ -9,7 +9,7 @@ from cruise.validation.candidates import UNNAMED
 from cruise.validation.foretold import CHANCE, Foretold
 from cruise.validation.search import Judged
 from cruise.validation.selection import FURTHER, LEAST_FURTHER, Selected
-from cruise.validation.trying import BEYOND_DOUBT, ENOUGH, LEAST_GAIN, Step, asked, step_of, tried_in
+from cruise.validation.tried import BEYOND_DOUBT, ENOUGH, LEAST_GAIN, Step, asked, step_of, tried_in
 
 LEAST_FORETOLD: Final = 0.15  # of the first loss, that the catch-all must foretell for something to be missing,
 LEAST_BESIDE: Final = 0.25  # and of what the named effects explain, for them to be no more than substitutes

@@ -23,7 +23,8 @@ from cruise.validation.foretold import Foretold, foretold
 from cruise.validation.search import Judged
 from cruise.validation.selection import Selected, selected
 from cruise.validation.study import Study
-from cruise.validation.trying import ALIKE, ENOUGH, Show, Step
+from cruise.validation.tried import ALIKE, ENOUGH, Step
+from cruise.validation.trying import Show
 
 SEED: Final = 20051  # of the bootstrap
 RECORD_MORE: Final = (
@@ -148,7 +149,7 @@ def _likeliest(alike: Sequence[str], found: Selected) -> tuple[tuple[str, ...], 
     """The two of those that look alike for which there is most evidence, and the model with the one that errs less."""
     tried = {one.name: one for one in found.steps[0].tried}
     two = sorted(alike, key=lambda name: tried[name].counted, reverse=True)[:TWO]
-    two.sort(key=lambda name: tried[name].judged.loss)
+    two.sort(key=lambda name: tried[name].compared.loss)
     return tuple(two), found.final if alike[0] in two else tried[two[0]].judged
 
 

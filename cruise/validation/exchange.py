@@ -6,23 +6,22 @@ from typing import Final
 import numpy as np
 
 from cruise.effects import EFFECTS
-from cruise.validation.candidates import UNNAMED, candidates, without
+from cruise.validation.candidates import MEDIATORS, UNNAMED, candidates, without
 from cruise.validation.search import sureness
 from cruise.validation.selection import Selected
 from cruise.validation.study import Study
-from cruise.validation.trying import (
+from cruise.validation.tried import (
     ALIKE,
     ENOUGH,
     LEAST_GAIN,
     LOOSE,
-    Show,
     Tried,
     ahead,
     asked,
     counted,
     step_of,
-    tried_beside,
 )
+from cruise.validation.trying import Show, tried_beside
 
 TWIN: Final = 1.05  # of the loss: a look-alike that errs no more can't be told apart,
 LIKELY: Final = 0.6  # if there is so much of the evidence for it
@@ -51,7 +50,7 @@ def exchanged(study: Study, name: str, found: Selected, rng: np.random.Generator
             :RIVALS
         ]
         possible, _ = candidates(study.recordings, rest)
-        rivals = [one for one in possible if one.name in (name, *best)]
+        rivals = [one for one in possible if one.name in (name, *best, *MEDIATORS)]
         tried = tried_beside(study, before, rivals, [one for one in found.chosen if one != name], rng, show).tried
     mine = next(one for one in tried if one.name == name)
     others = [one for one in tried if one is not mine and not one.name.startswith(UNNAMED)]
@@ -60,8 +59,8 @@ def exchanged(study: Study, name: str, found: Selected, rng: np.random.Generator
         for one in others
         if one.gain >= LEAST_GAIN
         and one.counted > max(mine.counted - ALIKE, asked(one.gain))
-        and one.judged.loss < LOOSE * mine.judged.loss
-        and sureness(one.judged, mine.judged, rng) < APART
+        and one.compared.loss < LOOSE * mine.compared.loss
+        and sureness(one.compared, mine.compared, rng) < APART
     )
     rivals = [one for one in others if one.gain >= LEAST_GAIN]
     twin = max((one for one in rivals if _twins(mine, one)), key=counted, default=None)
@@ -75,6 +74,6 @@ def _twins(mine: Tried, other: Tried) -> bool:
     known = other.name in EFFECTS[mine.name].about.look_alikes or mine.name in EFFECTS[other.name].about.look_alikes
     return (
         known
-        and other.judged.loss < TWIN * mine.judged.loss
+        and other.compared.loss < TWIN * mine.compared.loss
         and other.counted > LIKELY * max(mine.counted, asked(mine.gain))
     )

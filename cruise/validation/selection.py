@@ -11,20 +11,19 @@ from cruise.signals import OUTPUT
 from cruise.validation.candidates import MEDIATORS, UNNAMED, Refused, candidates, unnamed, without
 from cruise.validation.search import Judged
 from cruise.validation.study import Study
-from cruise.validation.trying import (
+from cruise.validation.tried import (
     ENOUGH,
     LEAST_GAIN,
     MUCH,
     SURE,
-    Show,
     Step,
     Tried,
     close,
     counted,
     enough,
     held_out,
-    tried_beside,
 )
+from cruise.validation.trying import Show, tried_beside
 
 FURTHER: Final = 75.0  # evidence from which a further effect is one, as no form of the first is exact,
 LEAST_FURTHER: Final = 0.25  # likewise, of the present loss,
@@ -92,7 +91,7 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
             chosen += [pair.first.name, pair.second.name]
             present = pair.second.judged
             continue
-        best = min((one for one in worthy if close(worthy[0], one)), key=lambda one: one.judged.loss)
+        best = min((one for one in worthy if close(worthy[0], one)), key=lambda one: one.compared.loss)
         steps[-1] = replace(step, taken=best.name)
         chosen.append(best.name)
         present = best.judged

@@ -13,7 +13,7 @@ from cruise.report.effect import physics, what
 from cruise.validation.candidates import UNNAMED
 from cruise.validation.diagnose import Diagnosis, Verdict
 from cruise.validation.search import Judged
-from cruise.validation.trying import Tried, step_of, tried_in
+from cruise.validation.tried import Tried, step_of, tried_in
 from cruise.workbench.found import Card, Curve, Minute, Number, Signature
 
 CARDS: Final = 6  # candidates that are shown with their evidence

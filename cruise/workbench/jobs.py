@@ -1,6 +1,7 @@
 """Long work in a process of its own: it says what it does, hands over what is there already, and can be stopped."""
 
 import multiprocessing
+import os
 import traceback
 from collections.abc import Callable, Sequence
 from multiprocessing import forkserver
@@ -8,6 +9,7 @@ from typing import Any, Final
 
 SAID, PART, DONE, REFUSED, BROKEN = "said", "part", "done", "refused", "broken"
 CONTEXT: Final = multiprocessing.get_context("forkserver")  # a child of its own kind: this process has threads
+NICER: Final = 10  # steps in which the work stands behind the page, so that the page still answers on a single core
 LOST: Final = "the computation ended without a word; the machine may be out of memory"
 
 
@@ -79,6 +81,7 @@ def _run(
             sender.send((PART, part))
         sender.send((SAID, text))
 
+    os.nice(NICER)
     try:
         sender.send((DONE, function(*arguments, show)))
     except expected as error:

@@ -10,6 +10,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
+
 from cruise.model.files import CustomTerm
 from cruise.workbench import verbs
 from cruise.workbench.examples import Example, make
@@ -230,7 +232,7 @@ class Session:
     def _opened(self, found: Opened) -> None:
         self.opened, self.fresh = found, True
         self.recording, self.window = 0, None
-        names = [name for name in found.recordings[0].context() if _moves(found, name)]
+        names = [name for name in found.recordings[0].context() if moves(found, name)]
         self.context = [name for name in names if name == "pitch_deg"] or names[:1]
         question = self.steps[0].question if self.steps else Question(MODEL)
         self.ask(question)
@@ -246,8 +248,10 @@ class Session:
         return self.folder / f"model-{self.files}.yaml"
 
 
-def _moves(found: Opened, name: str) -> bool:
+def moves(found: Opened, name: str) -> bool:
+    """Whether a signal takes more than one value in the first recording."""
     values = found.recordings[0].columns[name]
+    values = values[np.isfinite(values)]
     return bool(values.max() - values.min() > 0.0) if len(values) else False
 
 

@@ -18,6 +18,7 @@ from cruise.report.curve import curve
 from cruise.report.diagnosis_figures import report
 from cruise.report.evidence import Number
 from cruise.signals import INPUT, OUTPUT
+from cruise.validation.candidates import Refused
 from cruise.validation.diagnose import Diagnosis, Verdict, diagnose
 from cruise.validation.noise_floor import Bound, NoiseFloor
 from cruise.validation.study import study
@@ -83,8 +84,9 @@ def flat() -> Diagnosis:
 def said(capsys: pytest.CaptureFixture[str], found: Diagnosis, *options: str) -> str:
     diagnose_words.say(found, FLOOR, MODEL, ["drive.csv"], options, "p.png")
     out = capsys.readouterr().out
-    assert max(map(len, (line for line in out.splitlines() if "cruise add" not in line))) <= 80
+    assert max(map(len, (line for line in out.splitlines() if not line.startswith("  cruise ")))) <= 80
     assert "nan" not in out
+    assert " -0 " not in out, "no evidence has no sign"
     return " ".join(out.split())
 
 
@@ -122,7 +124,7 @@ def test_the_verb_prints_the_object_of_the_design_and_nothing_else(verb, tmp_pat
 def test_the_verdict_comes_first_and_everything_that_follows_from_it(hills, capsys):
     out = said(capsys, hills, "--period", "0.2")
     first = hills.ranking[0]
-    last = evidence.error_mps(evidence.known(hills))
+    last = evidence.error_mps(hills.final)
     before, after = (diagnosis.figure(value) for value in (first.error_before_mps, last))
     assert out.startswith(
         f"`grade` is missing: with it the error 3 s ahead falls from {before} to {after} m/s on data that the "
@@ -141,7 +143,7 @@ def test_the_verdict_comes_first_and_everything_that_follows_from_it(hills, caps
         "constant current over a hill",
         "`engine_speed`: engine_speed_rpm never moves: it stays at 2100 rpm - not excited, not absent",
         "`gear_ratio`: gear is not recorded - it can't be blamed",
-        f"cruise add grade --model {MODEL} drive.csv --period 0.2 -o better.yaml",
+        f"cruise add grade --model {MODEL} drive.csv --period 0.2 -o better.yaml add judges the discrete",
         "picture: p.png",
     ):
         assert words in out
@@ -190,6 +192,31 @@ def test_what_can_not_be_told_apart_comes_with_every_experiment(hills, capsys):
     assert "`grade`: constant current over a hill" in experiments
     assert "`coulomb_friction`: " in experiments
     assert "cruise add" not in out
+    assert f"cruise diagnose drive.csv NEW.csv --model {MODEL} picture:" in out
+
+
+def test_what_was_taken_back_is_neither_drawn_nor_reported(hills):
+    """Where a curve comes in and makes an effect superfluous, the model is the one with the curve alone."""
+    first = hills.steps[0]
+    curve_fit, other = (
+        next(one.judged for one in first.tried if one.name == name) for name in ("unnamed:pitch_deg", TRIED[0])
+    )
+    found = replace(unlisted(hills), steps=(first, replace(first, before=other)))
+    assert [one.dropped for one in evidence.rungs(found)] == [(), (TRIED[0],)]
+    said = report(found, MODEL, MODEL)
+    assert said["parameters"] == {}
+    assert said["error_after_mps"] == evidence.error_mps(curve_fit)
+    shown = diagnosis_picture._shown(found)
+    assert [one.added for one in shown] == [("unnamed:pitch_deg",)]
+    assert [label for label, _, _ in diagnosis_picture._models(found, shown)][1:] == ["with a curve of pitch_deg"]
+
+
+def test_commands_can_be_copied_and_no_unit_is_no_dash(hills, capsys):
+    refused = (Refused("gear_ratio", "gear never moves: it stays at 2 -"),)
+    diagnose_words.say(replace(hills, refused=refused), FLOOR, "my model.yaml", ["drive.csv"], [], "p.png")
+    out = capsys.readouterr().out
+    assert "cruise add grade --model 'my model.yaml' drive.csv -o better.yaml" in out
+    assert "`gear_ratio`: gear never moves: it stays at 2 - not excited, not absent" in out
 
 
 def test_a_rival_as_good_is_not_called_beaten(hills, capsys):
@@ -199,6 +226,17 @@ def test_a_rival_as_good_is_not_called_beaten(hills, capsys):
     out = said(capsys, replace(hills, steps=(replace(first, tried=tied), *hills.steps[1:])))
     assert f"`grade` or `{rival.name}`: leaves" in out
     assert "too close for the errors to decide (+0.0 standard errors)" in out
+
+
+def test_what_does_not_count_in_full_is_said_to(hills, capsys):
+    first = hills.steps[0]
+    rival = [one for one in first.tried if not one.name.startswith("unnamed:")][1]
+    tried = tuple(replace(one, credit=0.25) if one is rival else one for one in first.tried)
+    out = said(capsys, replace(hills, steps=(replace(first, tried=tried), *hills.steps[1:])))
+    why = "for its signal answers to the drive itself, or the line pressure speaks against it"
+    assert f"*: only what counts of it, {why}" in out
+    assert f"it counts for 25 %, {why}" in out
+    assert "only what counts of it" not in said(capsys, hills)
 
 
 def test_several_effects_are_added_one_after_the_other(hills, capsys):

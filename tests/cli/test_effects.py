@@ -46,6 +46,9 @@ def test_an_effect_is_explained_in_full(verb, name):
     assert joined(about.equation) in told
     for needed in (*effect.needs, *effect.helps):
         assert joined(f"{needed}: {SIGNALS[needed].meaning}") in told
+    assert ", -\n" not in out, "what has no unit is followed by none"
+    assert ("none beside its coefficient" in told) == (not effect.parameters and effect.acts_as == "load")
+    assert ("none of its own: the core holds them" in told) == (name == "resonance")
     for key, one in effect.parameters.items():
         assert joined(f"{key} {bounds(one)}, neutral {one.neutral:g}: {one.meaning}") in told
     for other in about.look_alikes:

@@ -31,6 +31,7 @@ def run(*words: object):
 def test_it_speaks_and_draws(table, tmp_path):
     ended = run(table, "--picture", tmp_path / "new" / "explore.png")
     assert ended.exit_code == 0, ended.output
+    assert ended.output.startswith("1 recording, ")
     for words in ("data quality", "excitation", "frequency response", "speed follows current by", "no ramps in this"):
         assert words in ended.output
     assert (tmp_path / "new" / "explore.png").read_bytes().startswith(b"\x89PNG")

@@ -11,7 +11,7 @@ from cruise.identification.structures import PRESETS, Family, parse
 from cruise.model import files
 from cruise.model.files import Provenance
 from cruise.model.model import Model
-from cruise.recording import Recording, notes_of
+from cruise.recording import Recording, RecordingError, notes_of
 from cruise.settings import SettingsError
 from cruise.signals import INPUT, OUTPUT
 
@@ -86,3 +86,11 @@ def test_notes_stand_under_their_files_and_one_thing_is_no_plural():
     one = Recording(time_s, {INPUT: time_s, OUTPUT: time_s}, 0.2, "/deep/folder/a.csv", ("gap of 3 s", "1 row lost"))
     assert notes_of([one, one]) == ["a.csv: gap of 3 s", "a.csv: 1 row lost"] * 2
     assert [reading.count_of(n, "recording") for n in (0, 1, 2)] == ["0 recordings", "1 recording", "2 recordings"]
+
+
+def test_what_is_no_file_is_said_before_anything_is_read(tmp_path):
+    (tmp_path / "monday.csv").write_text("not read\n")
+    with pytest.raises(RecordingError, match=r"no such file"):
+        reading.tables([tmp_path / "monday.csv", tmp_path / "tuesday"], reading.columns_of(None, None, None))
+    with pytest.raises(RecordingError, match=r"is a folder; name the recordings in it, as .*\*\.csv"):
+        reading.tables([tmp_path / "monday.csv", tmp_path], reading.columns_of(None, None, None))

@@ -233,6 +233,30 @@ def test_a_mistake_in_a_single_term_says_where_and_what(tmp_path):
         files.load(tmp_path / "one.yaml")
 
 
+def test_a_file_that_was_cut_off_anywhere_is_refused(tmp_path):
+    """Its last lines are where it came from: without them all that drives is still there."""
+    model = Model(0.2, 1, 1, 3, (DeadZone(400.0),), (0.5, 1e-3, 0.0))
+    files.save(tmp_path / "whole.yaml", model, Provenance(recordings=("a.csv",), samples=12, note="two\nlines ..."))
+    whole = (tmp_path / "whole.yaml").read_text()
+    cut = tmp_path / "cut.yaml"
+    for length in range(len(whole.rstrip())):
+        cut.write_text(whole[:length])
+        with pytest.raises(SettingsError, match=r"cut\.yaml:\d+: cut off" if length >= len("%YAML") else "cut"):
+            files.load(cut)
+    cut.write_text(whole.rstrip())
+    assert files.load(cut) == model, "only the last line break is lost"
+
+
+def test_what_is_written_by_hand_or_was_written_before_needs_no_end(tmp_path):
+    model = Model(0.2, 1, 1, 3, (), (0.5, 1e-3, 0.0))
+    files.save(tmp_path / "m.yaml", model, Provenance())
+    first, start, *lines, end = (tmp_path / "m.yaml").read_text().splitlines()
+    assert (first, start, end) == ("%YAML 1.2", "---", "...")
+    for kept in ([*lines], [start, *lines], [*lines, end]):
+        (tmp_path / "m.yaml").write_text("\n".join(kept))
+        assert files.load(tmp_path / "m.yaml") == model
+
+
 def test_no_such_file(tmp_path):
     with pytest.raises(SettingsError, match="no such file"):
         files.load(tmp_path / "nothing.yaml")

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cruise.effects import EFFECTS
+from cruise.effects import EFFECTS, Stage
 from cruise.effects.dead_zone import DeadZone
 from cruise.identification.structures import parse
 from cruise.report.diagnosis import sentence
@@ -15,7 +15,7 @@ from cruise.validation.confidence import CURVES, LEAST_FORETOLD, answer_of, conf
 from cruise.validation.diagnose import Diagnosis, Verdict, diagnose
 from cruise.validation.foretold import CHANCE
 from cruise.validation.study import Study, study
-from cruise.validation.trying import ALIKE, LEAST_GAIN, MUCH, Tried, enough
+from cruise.validation.tried import ALIKE, LEAST_GAIN, MUCH, Tried, enough
 from tests.validation.driving import GRAVITY_MPS2, drive, wander
 from tools.trial.run import table_without
 
@@ -220,7 +220,7 @@ def test_two_signals_that_move_as_one_are_not_told_apart():
 
 def test_a_gain_that_is_not_sure_is_not_named(grade, monkeypatch):
     for name in ("SURE", "BEYOND_DOUBT"):
-        monkeypatch.setattr(f"cruise.validation.trying.{name}", 2.0 * max(one.sureness for one in grade.steps[0].tried))
+        monkeypatch.setattr(f"cruise.validation.tried.{name}", 2.0 * max(one.sureness for one in grade.steps[0].tried))
     one = diagnose(grade.study)
     assert one.untold  # a great error all the same
     assert one.effects == ()
@@ -267,10 +267,54 @@ def test_several_effects_at_once_are_another_answer_than_one():
 # -- line pressure holds every force
 
 
-def pressed(pressure_bar: np.ndarray, load_mps: np.ndarray) -> Diagnosis:
+def pressed(pressure_bar: np.ndarray, load_mps: np.ndarray, **hidden) -> Diagnosis:
     columns = {"pitch_deg": PITCH, "header_height_mm": HEADER, "line_pressure_bar": pressure_bar}
-    one = drive(SECONDS, 4, DT_S, 0.02, columns=columns, load_mps=load_mps)
+    one = drive(SECONDS, 4, DT_S, 0.02, columns=columns, load_mps=load_mps, **hidden)
     return diagnose(study([one], STRUCTURE, None, PERIOD_S))
+
+
+def bent(current_ma: np.ndarray) -> np.ndarray:
+    """A characteristic that rises ever more steeply, as behind a dead zone whose edge is worn."""
+    return np.maximum(current_ma - 350.0, 0.0)
+
+
+def test_what_acts_on_the_command_is_weighed_where_the_pressure_shows_every_force():
+    soil_mps = wander(SAMPLES, DT_S, 13, 0.06, 4.0)
+    blind, seeing = found(load_mps=soil_mps, command=bent), pressed(120.0 - 300.0 * soil_mps, soil_mps, command=bent)
+    assert (seeing.verdict, seeing.effects) == (Verdict.MISSING, ("dead_zone",))
+    first = seeing.steps[0]
+    mine = next(one for one in first.tried if one.name == "dead_zone")
+    alone = next(one for one in blind.steps[0].tried if one.name == "dead_zone")
+    assert mine.compared is not mine.judged
+    assert mine.compared.loss < 0.2 * mine.judged.loss
+    assert mine.evidence > 3.0 * alone.evidence
+    assert first.forces is not None
+    assert blind.steps[0].forces is None
+
+
+def test_a_force_that_the_pressure_shows_is_nothing_that_acts_on_the_command():
+    pull_mps = -0.35 * GRAVITY_MPS2 * np.sin(np.radians(PITCH))
+    one = pressed(120.0 - 300.0 * pull_mps, pull_mps)
+    assert (one.verdict, one.effects) == (Verdict.MISSING, ("grade",))
+    first = one.steps[0]
+    assert first.forces is None
+    assert {"dead_zone", "quadratic_gain", "saturation"} <= set(first.refuted)
+    assert all(one.credit == 0.0 for one in first.tried if one.name in first.refuted)
+    assert EFFECTS["grade"].stage is Stage.LOAD
+    assert "grade" not in first.refuted
+
+
+def test_a_force_that_the_pressure_does_not_show_is_found_all_the_same():
+    pull_mps = -0.35 * GRAVITY_MPS2 * np.sin(np.radians(PITCH))
+    one = pressed(wander(SAMPLES, DT_S, 13, 60.0, 4.0), pull_mps)
+    assert (one.verdict, one.effects) == (Verdict.MISSING, ("grade",))
+    assert one.steps[0].refuted == ()
+
+
+def test_leakage_is_found_beside_what_acts_on_the_command():
+    pressure_bar = 120.0 + 15.0 * PITCH + 0.6 * (HEADER - 300.0)
+    one = pressed(pressure_bar, -0.003 * (pressure_bar - 120.0), command=bent)
+    assert (one.verdict, set(one.effects)) == (Verdict.MISSING, {"leakage", "dead_zone"})
 
 
 def test_a_force_that_nobody_recorded_shows_in_the_pressure_and_is_no_leakage():

@@ -1,6 +1,7 @@
 """The parts of the workbench that need no browser."""
 
 import asyncio
+import os
 import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
@@ -89,6 +90,10 @@ def refusing(show: jobs.Any) -> None:
     raise ValueError("not like this")
 
 
+def politeness(show: jobs.Any) -> int:
+    return os.nice(0)
+
+
 def breaking(show: jobs.Any) -> None:
     raise ZeroDivisionError
 
@@ -118,6 +123,12 @@ def test_a_job_is_stopped_at_once():
     assert time.monotonic() - begin < 5.0
     assert not job.running
     assert job.result is None
+
+
+def test_the_page_comes_before_a_job():
+    mine = os.nice(0)
+    assert ended(jobs.Job("", politeness, (), ())).result == min(mine + jobs.NICER, 19)
+    assert os.nice(0) == mine
 
 
 def test_mistakes_of_the_user_are_said_and_bugs_are_shown():

@@ -19,10 +19,11 @@ from cruise.workbench import commands, report
 from cruise.workbench.by_hand import changed, judged, settings_of
 from cruise.workbench.examples import EXAMPLES, drive
 from cruise.workbench.found import Opened, Question, Source
-from cruise.workbench.session import MODEL, Session, Step
+from cruise.workbench.session import MODEL, Session, Step, moves
 from cruise.workbench.setup import Setup
 from cruise.workbench.verbs import added, by_hand, compared
 from cruise.workbench.views.failing import stretches_of
+from cruise.workbench.views.missing import floor_of
 
 
 def quiet(text: str, part: object = None) -> None:
@@ -149,3 +150,16 @@ def test_the_report_holds_everything_and_runs_nothing(session, better):
     assert text.count("data:image/png;base64,") == 2
     assert f"{better.compared.figures[0].rmse_mps:.4f}" in text
     assert report.as_pdf(session).startswith(b"%PDF")
+
+
+def test_a_signal_with_holes_moves_all_the_same(session, recording):
+    holes = np.where(np.arange(len(recording)) % 7 == 0, np.nan, recording.columns["pitch_deg"])
+    still = np.where(np.isnan(holes), np.nan, 3.0)
+    columns = {**recording.columns, "pitch_deg": holes, "still": still, "never": np.full(len(recording), np.nan)}
+    found = replace(session.opened, recordings=(replace(recording, columns=columns),))
+    assert [moves(found, name) for name in ("pitch_deg", "still", "never")] == [True, False, False]
+
+
+def test_a_floor_from_above_is_not_called_one_from_below():
+    assert floor_of(0.01, 0.02)[:2] == (0.01, "noise floor")
+    assert floor_of(np.nan, 0.02)[:2] == (0.02, "noise floor, at most")

@@ -1,9 +1,11 @@
 """What is missing: the search with its progress, then the verdict and one card a candidate."""
 
+import math
 from typing import Final
 
 from nicegui import ui
 
+from cruise.report.diagnosis import DISCOUNTED
 from cruise.workbench import plots
 from cruise.workbench.found import Card, Diagnosed
 from cruise.workbench.page import Page
@@ -78,6 +80,13 @@ def _tried(session: Session) -> list[str]:
     return list(dict.fromkeys(text.removeprefix("tried ") for text in told if text.startswith("tried ")))
 
 
+def floor_of(least_mps: float, most_mps: float) -> tuple[float, str, str]:
+    """The noise floor, from below where it is known: its value, its name and a hint."""
+    if math.isfinite(least_mps):
+        return least_mps, "noise floor", "No model errs by less: the white part of the measured speed."
+    return most_mps, "noise floor, at most", "What a flexible statistical model reaches on the same signals."
+
+
 def _verdict(page: Page, found: Diagnosed) -> None:
     session, colors = page.session, page.colors
     tone = {"nothing": "calm", "unlisted": "open", "ambiguous": "open"}.get(found.verdict, "")
@@ -89,8 +98,8 @@ def _verdict(page: Page, found: Diagnosed) -> None:
             figure(speed(found.error_before_mps), "m/s", "error of the model, refitted")
             if found.explained:
                 figure(speed(found.error_after_mps), "m/s", f"with {found.minute.label}", tone="good")
-            floor = found.floor_mps[0] if found.floor_mps[0] == found.floor_mps[0] else found.floor_mps[1]
-            figure(speed(floor), "m/s", "noise floor", "No model errs by less: the white part of the measured speed.")
+            floor_mps, *words = floor_of(*found.floor_mps)
+            figure(speed(floor_mps), "m/s", *words)
     if found.verdict == "nothing":
         with card("What could have hidden"):
             ui.label(
@@ -186,13 +195,11 @@ def _card(page: Page, found: Diagnosed, one: Card, place: int) -> None:
                 one.confidence_words,
                 "",
                 "confidence",
-                "That it is this effect and no other of the table. Set by eye so far, not yet calibrated on blind "
-                "trials.",
+                "That it is this effect and no other of the table, as often as it was in blind trials on the virtual "
+                "combine.",
             )
     if one.counts < 0.995:
-        ui.label(
-            f"It answers to the drive itself, so that only {100 * one.counts:.0f} % of what it explains counts."
-        ).classes("quiet small")
+        ui.label(f"Only {100 * one.counts:.0f} % of what it explains counts, {DISCOUNTED}.").classes("quiet small")
     ui.label(one.physics).classes("measure")
     if one.equation:
         ui.label(one.equation).classes("formula mono")

@@ -1,0 +1,111 @@
+"""Line pressure as a witness: it shows every force that the drive feels, and nothing that acts on the command.
+
+    present + mediator + candidate   against   present + mediator
+
+The effect through whose signal every force acts (`MEDIATORS`) explains them all, recorded or not, whether or not it is
+itself what is missing. So it is no cause to be named lightly, but beside it everybody's force is known: soil that no
+signal shows is no longer noise, and a dead zone is no longer taken for dry friction. What still takes much away there
+is needed whatever the forces are, and is weighed there. Where nothing does, whatever is missing is a force, and what
+acts on the command, the gain or a sensor is refuted. On a machine whose forces don't show in that signal nothing of
+this holds, and nothing is lost: there every force is still needed beside it.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from enum import Enum, auto
+from typing import Final
+
+import numpy as np
+
+from cruise.effects import EFFECTS, Stage
+from cruise.validation.candidates import UNNAMED
+from cruise.validation.foretold import share_told
+from cruise.validation.search import Judged
+from cruise.validation.study import Study
+from cruise.validation.tried import LEAST_GAIN, LOOSE, SURE, Tried
+
+SHOWN: Final = 0.05  # of the present loss: with less in its signal, it says nothing of the others
+NEEDED: Final = 40.0  # evidence beside it from which something is needed whatever the forces are,
+NEEDED_SHARE: Final = 0.05  # and of the present loss
+MEDIATED: Final = 0.3  # of the present loss: all that an effect may leave through whose signal every force acts
+MORE: Final = 0.8  # of what the best direct cause leaves: with less, and with
+BEYOND: Final = 0.04  # of the present loss, that it must take away beyond the best direct cause: forms may be wrong
+TOLD_BESIDE: Final = 0.7  # of what it takes away beyond that foretold by what is recorded, it is a cause itself
+DIRECT: Final = 0.5  # of what it takes away: with more that a direct cause takes away in its place, it is none
+TOLD: Final = 0.35  # of what it takes away: with less that is foretold, a force that nobody recorded acts there
+
+
+class Through(Enum):
+    """What stands behind an effect through whose signal every force acts."""
+
+    ITSELF = auto()
+    RECORDED = auto()  # another cause, or too little to say: a direct one explains half of what it takes away
+    UNRECORDED = auto()  # a force that nobody recorded: nothing foretells what it takes away
+
+
+def behind(study: Study, present: Judged, mediator: Judged, direct: Judged) -> Through:
+    """What stands behind the mediator; `direct` is the best of the other causes."""
+    taken = present.loss - mediator.loss
+    if mediator.loss > MEDIATED * present.loss:
+        return Through.RECORDED
+
+    def told(error_mps: np.ndarray) -> float:
+        part_mps = error_mps - mediator.fit.error_mps
+        return share_told(study.search.scene, present.fit, part_mps, study.search.blocks)
+
+    in_its_place = present.loss - direct.loss > DIRECT * taken
+    alone = in_its_place and direct.candidate.startswith(UNNAMED)  # one recorded signal, and no known effect of it
+    beyond = max((1.0 - MORE) * direct.loss, BEYOND * present.loss)
+    if not alone and direct.loss - mediator.loss > beyond and told(direct.fit.error_mps) >= TOLD_BESIDE:
+        return Through.ITSELF
+    if in_its_place:
+        return Through.RECORDED
+    return Through.ITSELF if told(present.fit.error_mps) >= TOLD else Through.UNRECORDED
+
+
+@dataclass(frozen=True, eq=False)
+class Said:
+    """What the mediator's signal says of all that was tried beside the same explanation."""
+
+    name: str  # of the mediator
+    through: Through
+    forces: Judged | None  # the explanation with every force known, where something else is needed beside that,
+    beside: Mapping[str, Tried]  # and everything as tried there
+    refuted: tuple[str, ...]  # those that are no force, where nothing else is needed
+
+
+SILENT: Final = Said("", Through.RECORDED, None, {}, ())
+
+
+def may_be_needed(alone: Tried) -> bool:
+    """Whether a candidate is no force and explains so much alone that it is worth trying beside the mediator."""
+    return _no_force(alone.name) and alone.gain >= LEAST_GAIN and alone.sureness >= SURE
+
+
+def needed(present: Judged, mediator: Judged, alone: Tried, beside: Tried) -> bool:
+    """Whether a candidate that is no force is needed whatever the forces are; tried alone and beside the mediator."""
+    enough = beside.counted >= NEEDED and beside.gain >= LEAST_GAIN and beside.sureness >= SURE
+    brings = mediator.loss - beside.judged.loss
+    return may_be_needed(alone) and enough and brings >= NEEDED_SHARE * present.loss
+
+
+def refuted(mediator: Judged, alone: Sequence[Tried]) -> tuple[str, ...]:
+    """What is no force, while the mediator leaves hardly more: nothing that is no force is needed beside it."""
+    return tuple(one.name for one in alone if _no_force(one.name) and mediator.loss < LOOSE * one.judged.loss)
+
+
+def weighed(alone: Tried, beside: Tried | None) -> Tried:
+    """A candidate with the weight that it has beside the mediator, if something is needed there."""
+    if beside is None:
+        return alone
+    return replace(
+        alone,
+        evidence=beside.evidence,
+        credit=beside.credit,
+        sureness=beside.sureness,
+        compared=beside.judged,
+    )
+
+
+def _no_force(name: str) -> bool:
+    return not name.startswith(UNNAMED) and EFFECTS[name].stage is not Stage.LOAD

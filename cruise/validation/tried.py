@@ -1,0 +1,95 @@
+"""One candidate as it was tried, and when what it explains is enough to be named."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from cruise.validation.background import Background
+from cruise.validation.search import Judged, gain
+
+ENOUGH: Final = 60.0  # evidence from which an effect is more than a little of everything
+LEAST_GAIN: Final = 0.15  # of the present loss: errors that fall by less than 8 % are not worth a name
+MUCH: Final = 0.6  # of the present loss: no background takes so much, so that half the evidence is enough
+LEAST_LEFT: Final = 1e-9  # of the loss: what is left of it where there is no noise at all
+SURE: Final = 1.5  # standard errors of a held-out gain; a few blocks may hold all of it
+BEYOND_DOUBT: Final = 6.0  # standard errors that a background, which has its moments, does not reach
+ALIKE: Final = 20.0  # evidence below which no form of a model is exact enough to decide,
+CLOSE: Final = 0.05  # likewise, of the evidence,
+LOOSE: Final = 1.2  # unless the loss decides
+
+
+@dataclass(frozen=True, eq=False)
+class Tried:
+    """One candidate beside what was there before it."""
+
+    name: str
+    gain: float  # G: share of the loss that it takes away
+    evidence: float  # for it, beside a little of everything, and from the held-out errors as they are
+    credit: float  # share of that which counts against other candidates
+    sureness: float  # standard errors of the log ratio of the losses
+    judged: Judged
+    compared: Judged  # by which it is compared with others: as it was judged, or beside every force
+
+    @property
+    def counted(self) -> float:
+        """The evidence that counts against other candidates."""
+        return self.credit * self.evidence
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """One step of the search: what was there, and everything that was tried beside it, best first."""
+
+    before: Judged
+    tried: tuple[Tried, ...]
+    background: Background
+    unrecorded: str  # the effect in whose signal a force shows that nobody recorded, if there is one
+    forces: Judged | None  # what was there with every force known, where the candidates are weighed beside that
+    refuted: tuple[str, ...]  # those that are no force, where nothing but a force is missing
+    taken: str = ""  # the effect that was added then
+
+
+def held_out(without_it: Judged, one: Judged) -> float:
+    """Evidence in the held-out errors as they are: a block of time counts as one independent error."""
+    return -int(np.count_nonzero(without_it.weight)) * math.log(max(1.0 - gain(without_it, one), LEAST_LEFT))
+
+
+def step_of(steps: Sequence[Step], name: str) -> Step:
+    """The step at which an effect was added; the first for one that was not."""
+    return next((step for step in steps if step.taken == name), steps[0])
+
+
+def tried_in(step: Step, name: str) -> Tried | None:
+    """A candidate as it was tried in a step."""
+    return next((one for one in step.tried if one.name == name), None)
+
+
+def counted(one: Tried) -> float:
+    return one.counted
+
+
+def asked(gain: float) -> float:
+    """The evidence from which what takes away such a share of the loss is more than a little of everything."""
+    return ENOUGH if gain < MUCH else 0.5 * ENOUGH
+
+
+def enough(one: Tried) -> bool:
+    """Whether what a candidate explains is worth naming, sure, and more than a little or beyond doubt."""
+    more = one.counted >= asked(one.gain) and one.sureness >= SURE
+    return one.gain >= LEAST_GAIN and (more or (one.counted > 0.0 and one.sureness >= BEYOND_DOUBT))
+
+
+def close(first: Tried, one: Tried) -> bool:
+    """Whether the evidence of the first, which has most, is too little more than another's to decide."""
+    return one.counted >= first.counted - max(ALIKE, CLOSE * first.counted)
+
+
+def ahead(mine: Tried, other: Tried) -> float:
+    """Evidence for one above that for another, both as they count; where it is close, the loss may say more."""
+    more = mine.counted - other.counted
+    if not close(max(mine, other, key=counted), min(mine, other, key=counted)):
+        return more
+    return max(more, ALIKE * math.log(max(other.compared.loss / mine.compared.loss, LEAST_LEFT)) / math.log(LOOSE))

@@ -4,8 +4,8 @@ At every frame: the observer takes the measured speed in, the reference moves on
 the command effects are inverted into a wanted current, and shaper and limits turn it into the current that is sent.
 The model is the learned one at the rate of the frames. What is measured acts through the model's own effects, so that
 nothing here is scaled twice: engine speed and gear scale the drive, slope and load are known before they cost speed.
-Effects that look at the speed are shown the observer's, which knows the commands; those that look at the pitch are
-shown the slope of the ground, which a pitch sensor doesn't show while the machine accelerates.
+What looks at the speed is shown the observer's, which knows the commands; effects that look at the pitch are shown the
+slope of the ground, which a pitch sensor doesn't show while the machine accelerates.
 """
 
 import math
@@ -203,7 +203,7 @@ class Controller:
                 self.slope.restart()
         signals = {**sample.signals, OUTPUT: self.observer.speed_mps}
         if self.slope is not None:
-            signals["pitch_deg"] = self.slope.step(signals["pitch_deg"], sample.speed_mps)
+            signals["pitch_deg"] = self.slope.step(signals["pitch_deg"], self.observer.speed_mps)
         self.signals = signals
         state = model.apply(self.state, sample.current_ma, signals)
         self.pace = state.pace
@@ -232,12 +232,13 @@ class Controller:
         self.limited = ""
 
     def _programme(self) -> Programme:
-        """The law for the present pole, made when it is met first."""
-        key = round(PACE_STEPS * math.log(max(1.0 - self.pole, 1e-6)))
+        """The law for the pole of the drive as it is now, made when it is met first."""
+        pole = self.observer.pole(self.pole)
+        key = round(PACE_STEPS * math.log(max(1.0 - pole, 1e-6)))
         found = self._programmes.get(key)
         if found is None:
             settings = self.settings.predictive
-            found = Programme(self.pole, self._share, self.model.delay, self.shaper, self.frame_s, settings, self.pace)
+            found = Programme(pole, self._share, self.model.delay, self.shaper, self.frame_s, settings, self.pace)
             self._programmes[key] = found
         return found
 

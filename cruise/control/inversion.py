@@ -18,9 +18,10 @@ from typing import Annotated
 
 import msgspec
 
-from cruise.effects import Inverse, Stage
+from cruise.effects import Effect, Inverse
+from cruise.effects.effect import State
 from cruise.effects.hysteresis import Hysteresis
-from cruise.model.model import Model, ModelState
+from cruise.model.model import Model, ModelState, exactly
 from cruise.settings import Positive
 from cruise.signals import Signals
 
@@ -48,19 +49,13 @@ class Inversion:
 
     def step(self, model: Model, drive_ma: float, state: ModelState, signals: Signals) -> Inverse:
         """The current in mA that gives a wanted drive, or why there is none; one frame later."""
-        low = high = drive_ma
-        for i, effect in reversed(model.command_effects):
-            if effect.acts_as is not Stage.COMMAND:
-                continue
-            if isinstance(effect, Hysteresis):
-                low = high = self._through(effect, 0.5 * (low + high), state.effects[i])
-                continue
-            below = effect.inverse(low, signals, state.effects[i])
-            above = effect.inverse(high, signals, state.effects[i])
-            if below.refused or above.refused:
-                return Inverse(math.nan, math.nan, refused=below.refused or above.refused)
-            low, high = below.low, above.high
-        return Inverse(low, high)
+        return model.current_for(drive_ma, state, signals, self._undo)
+
+    def _undo(self, effect: Effect, wanted: Inverse, signals: Signals, state: State) -> Inverse:
+        if not isinstance(effect, Hysteresis):
+            return exactly(effect, wanted, signals, state)
+        current_ma = self._through(effect, 0.5 * (wanted.low + wanted.high), state)
+        return Inverse(current_ma, current_ma)
 
     def _through(self, effect: Hysteresis, wanted_ma: float, stands_ma: float) -> float:
         if math.isnan(stands_ma):

@@ -5,8 +5,9 @@
 
 v ground speed in m/s, a acceleration in m/s2, S pull of the slope in m/s2 and R its rate in m/s3, alpha pitch as the
 sensor shows it, g_n = 9.81 m/s2, r share of the acceleration that the sensor takes for slope, tau time for which a
-slope goes on changing. Speed and pitch tell a and S apart by themselves: nothing of the drive is in it, so that an
-error of its model can't be taken for a hill. A Kalman filter (filterpy) in its steady state.
+slope goes on changing. Speed and pitch tell a and S apart by themselves. The speed is the disturbance observer's of the
+frame before: it knows the commands, and what of a ripple it does not believe is no slope either. A Kalman filter
+(filterpy) in its steady state.
 """
 
 import math

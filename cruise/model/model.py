@@ -13,7 +13,7 @@ every sample at once.
 """
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -23,6 +23,15 @@ import numpy as np
 from cruise.effects import Effect, Inverse, Stage
 from cruise.effects.effect import State, Value
 from cruise.signals import Signals
+
+Undo = Callable[[Effect, Inverse, Signals, State], Inverse]
+
+
+def exactly(effect: Effect, wanted: Inverse, signals: Signals, state: State) -> Inverse:
+    """The values that give an interval of wanted ones, by the effect's own inverse."""
+    below, above = (effect.inverse(end, signals, state) for end in (wanted.low, wanted.high))
+    refused = below.refused or above.refused
+    return Inverse(math.nan, math.nan, refused=refused) if refused else Inverse(below.low, above.high)
 
 
 class ModelState(NamedTuple):
@@ -263,16 +272,14 @@ class Model:
             drive, _ = effect.step(drive, state.speeds[0], signals, state.effects[i], self.period_s)
         return drive
 
-    def current_for(self, drive_ma: float, state: ModelState, signals: Signals) -> Inverse:
-        """The currents that give a wanted drive signal, or why there are none."""
-        low = high = drive_ma
+    def current_for(self, drive_ma: float, state: ModelState, signals: Signals, undo: Undo = exactly) -> Inverse:
+        """The currents that give a wanted drive signal, or why there are none; `undo` takes back one effect."""
+        wanted = Inverse(drive_ma, drive_ma)
         for i, effect in reversed(self._at(Stage.COMMAND)):
-            below = effect.inverse(low, signals, state.effects[i])
-            above = effect.inverse(high, signals, state.effects[i])
-            if below.refused or above.refused:
-                return Inverse(math.nan, math.nan, refused=below.refused or above.refused)
-            low, high = below.low, above.high
-        return Inverse(low, high)
+            wanted = undo(effect, wanted, signals, state.effects[i])
+            if wanted.refused:
+                break
+        return wanted
 
     # -- what the linear parameters mean
 

@@ -1,5 +1,7 @@
 """The observer finds a constant disturbance, and the model it uses may change without a bump."""
 
+import math
+
 import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
@@ -7,6 +9,7 @@ from scipy.linalg import solve_discrete_are
 from cruise.control.observer import DisturbanceObserver, ObserverSettings
 
 POLE, FRAME_S = 0.8, 0.05
+HIGH_POLE, HIGH_PACE = 0.97, 0.15  # fourth gear
 
 
 def test_it_finds_a_step_of_the_disturbance_within_two_seconds():
@@ -84,3 +87,83 @@ def test_a_state_that_changed_by_itself_is_noticed_and_stays_so():
     assert observer.upset
     observer.reset(1.5)
     assert not observer.upset
+    observer.log_pace = 1e-9
+    assert observer.upset
+
+
+def driven(observer, pace_share, seconds=4.0, pole=HIGH_POLE, pace=HIGH_PACE):
+    """What it sees, pace and disturbance, of a drive that is `pace_share` times as fast as its gear says.
+
+    It is led up by 1 m/s within 2 s and kept there.
+    """
+    rng = np.random.default_rng(3)
+    speed, seen = 3.0, []
+    observer.reset(speed)
+    for k in range(round(seconds / FRAME_S)):
+        steady = 3.0 + min(k * FRAME_S / 2.0, 1.0)
+        speed += pace_share * (1.0 - pole) * (steady - speed)
+        observer.step(pole, steady, speed + 0.005 * rng.standard_normal(), pace)
+        seen.append((math.exp(observer.log_pace), observer.disturbance_mps))
+    return np.array(seen)
+
+
+@pytest.mark.parametrize("pace_share", [0.6, 0.8, 1.3])
+def test_it_finds_how_fast_the_drive_is_while_it_moves(pace_share):
+    """A good third of it within one change of the speed; as much less of it is taken for a disturbance."""
+    seen = driven(DisturbanceObserver(FRAME_S, ObserverSettings()), pace_share)
+    assert 0.33 < math.log(seen[50, 0]) / math.log(pace_share) < 1.0
+    alone = driven(DisturbanceObserver(FRAME_S, ObserverSettings(pace_share=1e-9)), pace_share)
+    assert abs(seen[:, 1]).max() < 0.67 * abs(alone[:, 1]).max()
+
+
+def test_a_drive_that_is_as_fast_as_the_model_says_is_left_so():
+    seen = driven(DisturbanceObserver(FRAME_S, ObserverSettings()), 1.0)
+    assert abs(seen[:, 0] - 1.0).max() < 0.03
+
+
+def test_a_pace_that_nothing_shows_goes_back_to_the_models():
+    seen = driven(DisturbanceObserver(FRAME_S, ObserverSettings()), 0.6, 60.0)
+    assert seen[:100, 0].min() < 0.85
+    assert seen[-1, 0] == pytest.approx(1.0, abs=0.02)
+
+
+def test_where_the_gear_does_not_slow_the_drive_its_pace_is_the_models():
+    seen = driven(DisturbanceObserver(FRAME_S, ObserverSettings()), 0.6, pace=1.0)
+    assert (seen[:, 0] == 1.0).all()
+
+
+def test_no_drive_is_taken_for_slower_than_the_uncertainty_of_its_gear():
+    observer = DisturbanceObserver(FRAME_S, ObserverSettings())
+    driven(observer, 0.02, 60.0)
+    assert observer.log_pace == pytest.approx(2.0 * observer.settings.pace_share * math.log(HIGH_PACE))
+    assert observer.pole(HIGH_POLE) == pytest.approx(1.0 - (1.0 - HIGH_POLE) * HIGH_PACE**0.5)
+
+
+def test_both_stages_are_the_extended_kalman_filter_of_all_three_states():
+    """Written out: speed, disturbance and ln p in one filter."""
+    settings = ObserverSettings(brisk_mps2=1e9, speed_noise_mps=0.05)
+    two = DisturbanceObserver(FRAME_S, settings)
+    two.reset(3.0)
+    std, kept = settings.pace_share * abs(math.log(HIGH_PACE)), math.exp(-FRAME_S / settings.pace_s)
+    noise = FRAME_S * np.array([settings.model_noise_mps, math.sqrt(HIGH_PACE) * settings.disturbance_mps, 0.0]) ** 2
+    noise[2] = (1.0 - kept**2) * std**2
+    x, covariance, speed = np.array([3.0, 0.0, 0.0]), np.diag([1e-3, 1e-3, 0.0]), 3.0
+    rng, slowest = np.random.default_rng(1), 0.0
+    for k in range(400):
+        steady = 3.0 + np.clip((k - 200) / 60.0, 0.0, 1.0)
+        speed += 0.7 * (1.0 - HIGH_POLE) * (steady - speed)
+        shown = speed + 0.005 * rng.standard_normal()
+        two.step(HIGH_POLE, steady, shown, HIGH_PACE)
+        share = (1.0 - HIGH_POLE) * math.exp(x[2])
+        ahead = share * (steady + x[1] - x[0])
+        moves = np.array([[1.0 - share, share, ahead], [0.0, 1.0, 0.0], [0.0, 0.0, kept]])
+        x = np.array([x[0] + ahead, x[1], kept * x[2]])
+        covariance = moves @ covariance @ moves.T + np.diag(noise)
+        gain = covariance[:, 0] / (covariance[0, 0] + settings.speed_noise_mps**2)
+        x, covariance = x + gain * (shown - x[0]), covariance - np.outer(gain, covariance[0])
+        if k >= 200:
+            assert two.speed_mps == pytest.approx(x[0], abs=1.2e-4)
+            assert two.disturbance_mps == pytest.approx(x[1], abs=2e-3)
+            assert two.log_pace == pytest.approx(x[2], rel=0.2, abs=0.01)
+        slowest = min(slowest, x[2])
+    assert slowest < -0.1

@@ -1,15 +1,16 @@
 """Gain and phase margin of the speed loop: the law that one model would give, around another model as the machine.
 
-    L = -P X / Y,   X / Y = s [k_y D + M (1 - A q)] / [B D + M (1 - A) H q s],   q = exp(-i w T)
+    L = -P X / Y,   X / Y = s k D Z^-1 K / [B D - s k D Z^-1 (I - K C) (1 - A, 0, 0, 0)' H q],   q = exp(-i w T)
     P = (K_P / K) (1 - A_P) H_P q / (1 - A_P q),   H = q^d sum_j h_j q^j,   G = 1 - (1 - c) q,   s = c^n
-    D = (1 - q) (1 - A q (1 - K_y)) + (1 - A) K_d q,   M = k_d K_d - k_y (1 - K_y) (1 - q)
+    Z = I - (I - K C) F q,   D = det Z
     B = G^n (1 - k_w q) - s q sum_j k_j q^j - q sum_i k_i c^i G^(n-i)
 
 Y measured speed, X the drive that is sent, both in m/s; k the first move of the law, unconstrained, for each thing that
-a plan begins from: speed, drives sent, states of the shaper, disturbance, wanted drive of before. K_y and K_d gain of
-the disturbance observer, A pole of the vehicle over a frame, h and d response and delay of the drive, K gain in m/s per
-mA, all of the law's model; those with P are the machine's. c share and n order of the shaper, T frame. The command
-effects are inverted and drop out; what is measured beside the speed is fed forward and is outside of the loop.
+a plan begins from: speed and disturbance as a row k, and one by one drives sent k_j, states of the shaper k_i, wanted
+drive of before k_w. F, K and C transition, gain and sensor's row of the disturbance observer, A pole of the vehicle, h
+and d response and delay of the drive, K_P / K gains in m/s per mA, those without P of the law's model, those with P of
+the machine. c share and n order of the shaper, T frame. The command effects are inverted and drop out; what is measured
+beside the speed is fed forward and is outside of the loop.
 
 The loop is stable where its characteristic polynomial, the denominator of 1 / (1 + L) with nothing cancelled, has no
 zero in |q| <= 1: where it does not wind around zero (argument principle). The margins are those of python-control's
@@ -26,7 +27,7 @@ from numpy.polynomial.polynomial import polyval
 
 from cruise.control.controller import ControlSettings
 from cruise.control.frame_model import at_period
-from cruise.control.observer import DisturbanceObserver
+from cruise.control.observer import SEEN, DisturbanceObserver
 from cruise.control.predictive import Bounds, Now, Programme
 from cruise.control.shaping import CommandShaper
 from cruise.model.model import Model
@@ -101,17 +102,20 @@ class Law:
         shaper = CommandShaper(settings.shaping_hz, order, frame_s)
         law = Programme(pole, drive.response, drive.delay, shaper, frame_s, settings.predictive, pace)
         move, share = FirstMove.of(law, depth, order), shaper.share
-        to_speed, to_disturbance = DisturbanceObserver(frame_s, settings.observer).gains(pole, pace)
+        seen = DisturbanceObserver(frame_s, settings.observer).filter(pole, pace)
         q = self._q = np.exp(-2j * math.pi * frame_s * self.hz)
-        observer = (1.0 - q) * (1.0 - pole * q * (1.0 - to_speed)) + (1.0 - pole) * to_disturbance * q  # D
-        seen = move.load * to_disturbance - move.speed * (1.0 - to_speed) * (1.0 - q)  # M
+        left = np.eye(len(SEEN)) - np.outer(seen.gain, SEEN)
+        late = np.eye(len(SEEN)) - q[:, None, None] * (left @ seen.moves)  # Z
+        estimated = np.array([move.speed, move.load, 0.0, 0.0])
+        observer = np.linalg.det(late)  # D
+        asked = observer[:, None] * np.linalg.solve(late.transpose(0, 2, 1), estimated[:, None])[:, :, 0]  # D k Z^-1
         lag, through = 1.0 - (1.0 - share) * q, share**order  # G and s
         kept = lag**order * (1.0 - move.wanted * q) - through * q * polyval(q, move.drives)  # B
         for i, state in enumerate(move.shaper, 1):
             kept -= q * state * share**i * lag ** (order - i)
         self.gain = drive.gain
-        self.sent = kept * observer + seen * drive.felt(q) * through
-        self.measured = through * (move.speed * observer + seen * (1.0 - pole * q))
+        self.sent = kept * observer - through * drive.felt(q) * (asked @ left[:, 0])
+        self.measured = through * (asked @ seen.gain)
 
     @property
     def response(self) -> np.ndarray:

@@ -1,17 +1,21 @@
 """The disturbance observer: what the model doesn't explain, as one slowly moving number, and how fast the drive is now.
 
-    x_k = [y_k, d_k]'
-    y_(k+1) = y_k + p_k (1 - A) (s_k + d_k - y_k) + noise,   d_(k+1) = d_k + sqrt(alpha) noise,   measured: y_k + noise
+    x_k = [y_k, d_k, q_k, r_k]'
+    y_(k+1) = y_k + p_k (1 - A) (s_k + d_k - y_k) + noise,   d_(k+1) = d_k + sqrt(alpha) noise
+    q' = r,   r' = -omega^2 q - 2 zeta omega r + noise,   measured: y_k + r_k + noise
     d_k = d_(k|k-1) + K_d e_k / (1 + (s'_k / R)^2)
     ln p_(k+1) = exp(-T / tau) ln p_k + noise,   standard deviation of ln p where nothing is known: kappa |ln alpha|
 
 y speed in m/s, A pole of the vehicle over a frame and alpha the pace by which a gear slows it down, s steady speed in
-m/s that drive and loads give by the model, d disturbance in m/s of steady speed, e innovation. A Kalman filter
-(filterpy) in its steady state: its gain is found once for each gear. While s changes at a rate s', a model that answers
-some hundredths of a second too early or late, or with a pole that is wrong, errs by that rate times its error in time:
-what doesn't fit is then no disturbance, and would be an overshoot if it were taken for one. With d in the prediction
-the controller has no steady-state error (Muske and Badgwell, "Disturbance modeling for offset-free linear model
-predictive control", J. Process Control 12 (2002)).
+m/s that drive and loads give by the model, d disturbance in m/s of steady speed, r ripple in m/s that the sensor shows
+and the machine, heavy as it is, does not follow: lugs of the tyres, slack and swinging of the drive train (omega in
+rad/s, zeta damping, q its way in m), e innovation. A Kalman filter (filterpy) in its steady state: its gain is found
+once for each gear. Filtering a ripple where it is measured costs less than in the command: the way from the reference,
+and from what is fed forward, to the command stays as it is. While s changes at a rate s', a model that answers some
+hundredths of a second too early or late, or with a pole that is wrong, errs by that rate times its error in time: what
+doesn't fit is then no disturbance, and would be an overshoot if it were taken for one. With d in the prediction the
+controller has no steady-state error (Muske and Badgwell, "Disturbance modeling for offset-free linear model predictive
+control", J. Process Control 12 (2002)).
 
 p is the pace of the drive over the one that equation 12 gives the gear. The time constant of a hydrostatic drive is the
 mass times its compliance, leakage and a pump that the pressure destrokes: i^2 (a + b stroke) in a gear of ratio i,
@@ -22,10 +26,13 @@ is the linear one. A second stage beside the filter: x moves by what another p w
 """
 
 import math
+from dataclasses import dataclass
+from typing import Final
 
 import msgspec
 import numpy as np
 from filterpy.kalman import KalmanFilter
+from scipy import linalg
 
 from cruise.control.steady_gain import steady_gain
 from cruise.settings import Positive
@@ -37,14 +44,29 @@ class ObserverSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
     speed_noise_mps: Positive = 0.010  # m/s, of one mean over a frame
     model_noise_mps: Positive = 0.15  # m/s after 1 s, what the model errs by while the speed changes
     disturbance_mps: Positive = 0.10  # m/s after 1 s, how fast hills and soil may come
+    ripple_mps: Positive = 0.10  # m/s RMS; more keeps 1.5 to 5 Hz out of the command and lets a hill cost more
+    ripple_hz: Positive = 1.5  # above what the command may contain
+    ripple_damping: Positive = 0.3
     brisk_mps2: Positive = 0.4  # R, m/s2: at this rate of s half of an innovation is believed; hills stay below it
     brisk_s: Positive = 0.5  # s over which the rate is seen
     pace_share: Positive = 0.25  # kappa: fourth gear is slowed to a seventh, give or take a factor of 1.6
     pace_s: Positive = 5.0  # tau, s: a stroke is kept for about as long
 
 
+SEEN: Final = np.array([1.0, 0.0, 0.0, 1.0])  # the speed sensor shows y + r
+
+
+@dataclass(frozen=True, slots=True)
+class Filter:
+    """x_(k+1) = F x_k + (1 - A, 0, 0, 0)' s_k, corrected by `gain` times the innovation, whose variance is (m/s)^2."""
+
+    moves: np.ndarray  # F (4, 4)
+    gain: np.ndarray  # (4,)
+    variance: float
+
+
 class DisturbanceObserver:
-    """`speed_mps`, `disturbance_mps`, `steady_mps`, `log_pace` with its variance and `moved` are all its state.
+    """`speed_mps`, `disturbance_mps`, `ripple`, `steady_mps`, `log_pace`, its variance and `moved` are all its state.
 
     `innovation_mps` is what the last frame did not fit by.
     """
@@ -55,15 +77,16 @@ class DisturbanceObserver:
         self.calm = 1.0  # share of what is seen that the drive has not moved itself
         self._rate_share = -math.expm1(-frame_s / settings.brisk_s)
         self._kept_share = math.exp(-frame_s / settings.pace_s)
-        self._gains: dict[tuple[float, float], tuple[float, float]] = {}
+        self._filters: dict[tuple[float, float], Filter] = {}
         self.reset(0.0)
 
     def reset(self, speed_mps: float) -> None:
         """Begin at a measured speed, with nothing known beside it."""
         self.speed_mps, self.disturbance_mps, self.innovation_mps = speed_mps, 0.0, 0.0
         self.steady_mps = math.nan  # s through a lag of brisk_s
+        self.ripple = np.zeros(2)  # q and r
         self.log_pace, self.log_pace_variance = 0.0, 0.0
-        self.moved = (0.0, 0.0)  # speed and disturbance for a change of ln p
+        self.moved = np.zeros(4)  # of x, for a change of ln p
         self._keep()
 
     @property
@@ -81,34 +104,34 @@ class DisturbanceObserver:
         A state that was upset stays so.
         """
         upset = self.upset
-        gains = self._gains.get((pole, pace))
-        if gains is None:
-            gains = self._gains[pole, pace] = self.gains(pole, pace)
-        share = 1.0 - self.pole(pole)
+        found = self._filters.get((pole, pace))
+        if found is None:
+            found = self._filters[pole, pace] = self.filter(pole, pace)
+        share, swing = 1.0 - self.pole(pole), found.moves[2:, 2:]
         ahead_mps = share * (steady_mps + self.disturbance_mps - self.speed_mps)
-        by_speed, by_disturbance = self.moved
-        by_speed += ahead_mps + share * (by_disturbance - by_speed)
-        expected_mps = self.speed_mps + ahead_mps
-        self.innovation_mps = speed_mps - expected_mps
+        x = np.array([self.speed_mps + ahead_mps, self.disturbance_mps, *(swing @ self.ripple)])
+        speed, disturbance, *ripple = self.moved
+        moved = np.array([speed + ahead_mps + share * (disturbance - speed), disturbance, *(swing @ ripple)])
+        self.innovation_mps = float(speed_mps - SEEN @ x)
         self.calm = 1.0 / (1.0 + (self._rate_mps2(steady_mps) / self.settings.brisk_mps2) ** 2)
-        to_speed, to_disturbance = gains[0], gains[1] * self.calm
-        self.moved = by_speed - to_speed * by_speed, by_disturbance - to_disturbance * by_speed
-        more = self._learn(by_speed, self.settings.speed_noise_mps**2 / (1.0 - to_speed), pace)
-        self.speed_mps = expected_mps + to_speed * self.innovation_mps + self.moved[0] * more
-        self.disturbance_mps += to_disturbance * self.innovation_mps + self.moved[1] * more
+        gain = found.gain * (1.0, self.calm, 1.0, 1.0)
+        shown = float(SEEN @ moved)
+        self.moved = moved - gain * shown
+        x += gain * self.innovation_mps + self.moved * self._learn(shown, found.variance, pace)
+        self.speed_mps, self.disturbance_mps, self.ripple = float(x[0]), float(x[1]), x[2:]
         if not upset:
             self._keep()
         return self.innovation_mps
 
-    def _learn(self, by_speed: float, variance_mps2: float, pace: float) -> float:
-        """By how much ln p moves for the innovation, of this variance where p is known."""
+    def _learn(self, shown: float, variance_mps2: float, pace: float) -> float:
+        """By how much ln p moves for the innovation, of this variance where p is known, which shows it so much."""
         std = self.settings.pace_share * abs(math.log(pace))
         kept = self._kept_share
         variance = kept**2 * self.log_pace_variance + (1.0 - kept**2) * std**2
-        gain = variance * by_speed / (variance_mps2 + variance * by_speed**2)
+        gain = variance * shown / (variance_mps2 + variance * shown**2)
         before = kept * self.log_pace
         self.log_pace = min(max(before + gain * self.innovation_mps, -2.0 * std), 2.0 * std)
-        self.log_pace_variance = variance * (1.0 - gain * by_speed)
+        self.log_pace_variance = variance * (1.0 - gain * shown)
         return self.log_pace - before
 
     def _rate_mps2(self, steady_mps: float) -> float:
@@ -119,15 +142,20 @@ class DisturbanceObserver:
         self.steady_mps += self._rate_share * ahead_mps
         return ahead_mps / self.settings.brisk_s
 
-    def gains(self, pole: float, pace: float = 1.0) -> tuple[float, float]:
-        """The steady Kalman gain for speed and disturbance."""
-        settings, found = self.settings, KalmanFilter(dim_x=2, dim_z=1)
-        found.F = np.array([[pole, 1.0 - pole], [0.0, 1.0]])
-        found.H = np.array([[1.0, 0.0]])
+    def filter(self, pole: float, pace: float = 1.0) -> Filter:
+        """The filter in its steady state."""
+        settings, found = self.settings, KalmanFilter(dim_x=4, dim_z=1)
+        omega = 2.0 * math.pi * settings.ripple_hz
+        swing = np.array([[0.0, 1.0], [-(omega**2), -2.0 * settings.ripple_damping * omega]])
+        kept = linalg.expm(swing * self.frame_s)
+        found.F = np.array(linalg.block_diag([[pole, 1.0 - pole], [0.0, 1.0]], kept))
+        found.H = SEEN[None, :]
         found.R *= settings.speed_noise_mps**2
-        found.Q = np.diag([settings.model_noise_mps, math.sqrt(pace) * settings.disturbance_mps]) ** 2 * self.frame_s
-        speed, disturbance = steady_gain(found)[:, 0].tolist()
-        return speed, disturbance
+        std = np.array([settings.model_noise_mps, math.sqrt(pace) * settings.disturbance_mps])
+        ripple = np.diag([settings.ripple_mps / omega, settings.ripple_mps]) ** 2  # lasting: what it loses is its noise
+        found.Q = np.array(linalg.block_diag(np.diag(std) ** 2 * self.frame_s, ripple - kept @ ripple @ kept.T))
+        gain = steady_gain(found)[:, 0]
+        return Filter(found.F, gain, settings.speed_noise_mps**2 / (1.0 - float(SEEN @ gain)))
 
     def shift(self, disturbance_mps: float) -> None:
         """Move the disturbance by what a change of the model explains differently, so that the change makes no bump."""
@@ -137,8 +165,8 @@ class DisturbanceObserver:
         if not upset:
             self._keep()
 
-    def _state(self) -> tuple[float, float, float]:
-        return self.speed_mps, self.disturbance_mps, self.log_pace
+    def _state(self) -> tuple[float, ...]:
+        return self.speed_mps, self.disturbance_mps, self.log_pace, *self.ripple.tolist()
 
     def _keep(self) -> None:
         """Note the state a second time, as IEC 61508 asks for what safety depends on."""

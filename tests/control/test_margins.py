@@ -49,26 +49,27 @@ def written_out(model, machine, pace):
     law = Programme(own.pole, own.response, own.delay, shaper, FRAME_S, SETTINGS.predictive, pace)
     depth, order = own.delay + len(own.response), SETTINGS.shaping_order
     move = FirstMove.of(law, depth, order)
-    to_speed, to_disturbance = DisturbanceObserver(FRAME_S, SETTINGS.observer).gains(own.pole, pace)
+    seen = DisturbanceObserver(FRAME_S, SETTINGS.observer).filter(own.pole, pace)
 
     def controller(state, speed):
-        seen, disturbance, wanted = state[:3]
-        drives, lags = state[3 : 3 + depth], list(state[3 + depth :])
+        observed, wanted = state[:4], state[4]
+        drives, lags = state[5 : 5 + depth], list(state[5 + depth :])
         drives = np.concatenate([[lags[-1]], drives[:-1]])  # what was sent a frame ago has flowed
         felt = own.response @ drives[own.delay :]
-        expected = own.pole * seen + (1.0 - own.pole) * (felt + disturbance)
-        seen, disturbance = expected + to_speed * (speed - expected), disturbance + to_disturbance * (speed - expected)
+        expected = seen.moves @ observed
+        expected[0] += (1.0 - own.pole) * felt
+        observed = expected + seen.gain * (speed - expected[0] - expected[3])
         wanted = (
-            move.speed * seen
+            move.speed * observed[0]
             + move.drives @ drives
             + move.shaper @ np.array(lags)
-            + move.load * disturbance
+            + move.load * observed[1]
             + move.wanted * wanted
         )
         value = wanted
         for i in range(order):
             value = lags[i] = lags[i] + shaper.share * (value - lags[i])
-        return np.concatenate([[seen, disturbance, wanted], drives, lags]), value
+        return np.concatenate([observed, [wanted], drives, lags]), value
 
     length = other.delay + len(other.response)
 
@@ -78,7 +79,7 @@ def written_out(model, machine, pace):
         return np.concatenate([[other.pole * state[0] + (1.0 - other.pole) * felt], drives]), state[0]
 
     return (
-        control.ss(*matrices(controller, 3 + depth + order), FRAME_S),
+        control.ss(*matrices(controller, 5 + depth + order), FRAME_S),
         control.ss(*matrices(plant, 1 + length), FRAME_S),
     )
 

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from scipy.linalg import solve_discrete_are
+from scipy.linalg import block_diag, expm, solve_discrete_are
 
 from cruise.control.observer import DisturbanceObserver, ObserverSettings
 
@@ -28,15 +28,43 @@ def test_it_finds_a_step_of_the_disturbance_within_two_seconds():
     assert observer.speed_mps == pytest.approx(speed, abs=0.01)
 
 
+def noises(settings, pace):
+    """Transition and covariance of the noise of all four states, written out; the ripple's from how it is sampled."""
+    omega, damping = 2.0 * math.pi * settings.ripple_hz, settings.ripple_damping
+    swing = np.array([[0.0, 1.0], [-(omega**2), -2.0 * damping * omega]])
+    moves = block_diag([[POLE, 1.0 - POLE], [0.0, 1.0]], expm(FRAME_S * swing))
+    fine = FRAME_S / 1000
+    flow, power = expm(fine * swing), 4.0 * damping * omega * settings.ripple_mps**2
+    ripple, kept = np.zeros((2, 2)), np.eye(2)
+    for _ in range(1000):
+        ripple += kept @ np.diag([0.0, power * fine]) @ kept.T
+        kept = kept @ flow
+    speed, disturbance = settings.model_noise_mps, np.sqrt(pace) * settings.disturbance_mps
+    return moves, block_diag(FRAME_S * np.diag([speed, disturbance]) ** 2, ripple)
+
+
 def test_its_gain_is_that_of_the_riccati_equation():
     settings = ObserverSettings()
     pace = 0.5
-    gain = np.array(DisturbanceObserver(FRAME_S, settings).gains(POLE, pace))
-    moves = np.array([[POLE, 1.0 - POLE], [0.0, 1.0]])
-    spread = FRAME_S * np.diag([settings.model_noise_mps, np.sqrt(pace) * settings.disturbance_mps]) ** 2
+    gain = DisturbanceObserver(FRAME_S, settings).filter(POLE, pace).gain
+    moves, spread = noises(settings, pace)
     noise = settings.speed_noise_mps**2
-    expected = solve_discrete_are(moves.T, np.array([[1.0], [0.0]]), spread, [[noise]])
-    np.testing.assert_allclose(gain, expected[:, 0] / (expected[0, 0] + noise), rtol=1e-4)
+    expected = solve_discrete_are(moves.T, np.array([[1.0], [0.0], [0.0], [1.0]]), spread, [[noise]])
+    column = expected[:, 0] + expected[:, 3]
+    np.testing.assert_allclose(gain, column / (column[0] + column[3] + noise), rtol=0.01, atol=1e-4)
+
+
+@pytest.mark.parametrize(("hz", "least", "most"), [(0.2, 0.9, 1.1), (1.5, 0.0, 0.3), (5.0, 0.0, 0.4)])
+def test_a_ripple_is_no_speed(hz, least, most):
+    """How much of a ripple of 3 cm/s comes through to the speed that the law sees, over its frequency."""
+    observer, seen = DisturbanceObserver(FRAME_S, ObserverSettings()), []
+    observer.reset(1.0)
+    at = 2.0 * math.pi * hz * FRAME_S * np.arange(2000)
+    for value in 0.03 * np.sin(at):
+        observer.step(POLE, 1.0, 1.0 + value)
+        seen.append(observer.speed_mps - 1.0)
+    through = 2.0 * abs(np.mean(np.array(seen)[1000:] * np.exp(-1j * at[1000:]))) / 0.03
+    assert least <= through <= most
 
 
 @pytest.mark.parametrize(("rate_mps2", "share"), [(0.0, 1.0), (0.4, 0.5), (-1.2, 0.1)])
@@ -50,7 +78,7 @@ def test_while_the_drive_changes_less_of_an_innovation_is_a_disturbance(rate_mps
         steady += rate_mps2 * FRAME_S
     expected = POLE * observer.speed_mps + (1.0 - POLE) * steady
     observer.step(POLE, steady, expected + 0.01)
-    speed_gain, disturbance_gain = observer.gains(POLE)
+    speed_gain, disturbance_gain, *_ = observer.filter(POLE).gain
     assert observer.disturbance_mps == pytest.approx(share * disturbance_gain * 0.01, rel=0.12)
     assert observer.speed_mps == pytest.approx(expected + speed_gain * 0.01)
 
@@ -139,31 +167,33 @@ def test_no_drive_is_taken_for_slower_than_the_uncertainty_of_its_gear():
     assert observer.pole(HIGH_POLE) == pytest.approx(1.0 - (1.0 - HIGH_POLE) * HIGH_PACE**0.5)
 
 
-def test_both_stages_are_the_extended_kalman_filter_of_all_three_states():
-    """Written out: speed, disturbance and ln p in one filter."""
+def test_both_stages_are_the_extended_kalman_filter_of_all_states():
+    """Written out: speed, disturbance, ripple and ln p in one filter."""
     settings = ObserverSettings(brisk_mps2=1e9, speed_noise_mps=0.05)
     two = DisturbanceObserver(FRAME_S, settings)
     two.reset(3.0)
+    found = two.filter(HIGH_POLE, HIGH_PACE)
     std, kept = settings.pace_share * abs(math.log(HIGH_PACE)), math.exp(-FRAME_S / settings.pace_s)
-    noise = FRAME_S * np.array([settings.model_noise_mps, math.sqrt(HIGH_PACE) * settings.disturbance_mps, 0.0]) ** 2
-    noise[2] = (1.0 - kept**2) * std**2
-    x, covariance, speed = np.array([3.0, 0.0, 0.0]), np.diag([1e-3, 1e-3, 0.0]), 3.0
+    _, noise = noises(settings, HIGH_PACE)
+    noise, seen = block_diag(noise, (1.0 - kept**2) * std**2), np.array([1.0, 0.0, 0.0, 1.0, 0.0])
+    x, covariance, speed = np.array([3.0, 0.0, 0.0, 0.0, 0.0]), 1e-3 * np.eye(5), 3.0
     rng, slowest = np.random.default_rng(1), 0.0
     for k in range(400):
         steady = 3.0 + np.clip((k - 200) / 60.0, 0.0, 1.0)
         speed += 0.7 * (1.0 - HIGH_POLE) * (steady - speed)
         shown = speed + 0.005 * rng.standard_normal()
         two.step(HIGH_POLE, steady, shown, HIGH_PACE)
-        share = (1.0 - HIGH_POLE) * math.exp(x[2])
-        ahead = share * (steady + x[1] - x[0])
-        moves = np.array([[1.0 - share, share, ahead], [0.0, 1.0, 0.0], [0.0, 0.0, kept]])
-        x = np.array([x[0] + ahead, x[1], kept * x[2]])
-        covariance = moves @ covariance @ moves.T + np.diag(noise)
-        gain = covariance[:, 0] / (covariance[0, 0] + settings.speed_noise_mps**2)
-        x, covariance = x + gain * (shown - x[0]), covariance - np.outer(gain, covariance[0])
+        share = (1.0 - HIGH_POLE) * math.exp(x[4])
+        moves = block_diag([[1.0 - share, share], [0.0, 1.0]], found.moves[2:, 2:], kept)
+        moves[0, 4] = share * (steady + x[1] - x[0])
+        x = np.array([x[0] + moves[0, 4], x[1], *(moves[2:4, 2:4] @ x[2:4]), kept * x[4]])
+        covariance = moves @ covariance @ moves.T + noise
+        gain = covariance @ seen / (seen @ covariance @ seen + settings.speed_noise_mps**2)
+        x, covariance = x + gain * (shown - seen @ x), covariance - np.outer(gain, seen @ covariance)
         if k >= 200:
-            assert two.speed_mps == pytest.approx(x[0], abs=1.2e-4)
+            assert two.speed_mps == pytest.approx(x[0], abs=2e-4)
             assert two.disturbance_mps == pytest.approx(x[1], abs=2e-3)
-            assert two.log_pace == pytest.approx(x[2], rel=0.2, abs=0.01)
-        slowest = min(slowest, x[2])
+            assert two.ripple == pytest.approx(x[2:4], abs=2e-4)
+            assert two.log_pace == pytest.approx(x[4], rel=0.2, abs=0.01)
+        slowest = min(slowest, x[4])
     assert slowest < -0.1

@@ -17,14 +17,24 @@ from cruise.effects import EFFECTS
 from cruise.recording import notes_of
 from cruise.report import evidence
 from cruise.report.curve import curve
-from cruise.report.diagnosis import DISCOUNTED, confidence, experiments, figure, hidden, look_alikes, sentence, span
+from cruise.report.diagnosis import (
+    DISCOUNTED,
+    confidence,
+    experiments,
+    figure,
+    forces,
+    hidden,
+    look_alikes,
+    sentence,
+    span,
+)
 from cruise.report.effect import physics, what
 from cruise.report.evidence import SURE, Number
 from cruise.validation.candidates import UNNAMED
 from cruise.validation.diagnose import SEED, Diagnosis, Verdict
 from cruise.validation.noise_floor import NoiseFloor
 from cruise.validation.search import Judged
-from cruise.validation.tried import ENOUGH, MUCH, asked
+from cruise.validation.tried import ENOUGH, FEW, LEAST_GAIN, MUCH, asked
 
 WIDTH: Final = 80
 LINES: Final = 8  # of the ranking; --json has them all
@@ -55,6 +65,7 @@ def say(
     _moved(console, found)
     _steps(console, found)
     _ranking(console, found)
+    _list(console, "what the forces say", forces(found))
     _list(console, "look-alikes", look_alikes(found))
     _list(console, "next experiment", experiments(found))
     _list(console, "what these recordings can't speak of", [_refusal(one.effect, one.reason) for one in found.refused])
@@ -169,8 +180,10 @@ def _ranking(console: Console, found: Diagnosis) -> None:
     _print(
         console,
         f"evidence: beside a little of every other effect; {ENOUGH:g} is enough for a name, {asked(MUCH):g} for one "
-        f"that takes {100 * MUCH:.0f} % or more of the squared error",
+        f"that takes {100 * MUCH:.0f} % or more of the squared error, {asked(LEAST_GAIN):g} below {100 * FEW:.0f} %",
     )
+    if found.steps[0].forces is not None:
+        _print(console, "t and evidence: as weighed where every force is known")
     if any(one.credit < 1.0 for one in tried.values()):
         _print(console, f"*: only what counts of it, {DISCOUNTED}")
     rest = len(found.ranking) - LINES

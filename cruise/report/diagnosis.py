@@ -9,10 +9,10 @@ import numpy as np
 from cruise.effects import EFFECTS
 from cruise.report import evidence
 from cruise.report.evidence import SURE, Number
-from cruise.validation.candidates import UNNAMED
+from cruise.validation.candidates import MEDIATORS, UNNAMED
 from cruise.validation.diagnose import SEED, Diagnosis, Verdict
 from cruise.validation.search import Judged, sureness
-from cruise.validation.tried import LEAST_GAIN, Tried, step_of
+from cruise.validation.tried import LEAST_GAIN, Tried, step_of, tried_in
 
 DISCOUNTED: Final = "for its signal answers to the drive itself, or the line pressure speaks against it"
 """Why not all of an effect's evidence counts."""
@@ -103,6 +103,28 @@ def look_alikes(found: Diagnosis) -> list[str]:
     return told
 
 
+def forces(found: Diagnosis) -> list[str]:
+    """What the signal that shows every force says, step by step; empty where none is recorded or it shows nothing."""
+    told = []
+    shown = _all([signal for name in MEDIATORS for signal in EFFECTS[name].needs])
+    for step in found.steps:
+        taken = tried_in(step, step.taken)
+        if step.forces is not None and taken is not None:
+            told.append(
+                f"{shown} shows every force that the drive feels. With all of them known the error is "
+                f"{_error(step.forces)} m/s, and {_error(taken.compared)} with `{taken.name}`, so that no force can "
+                f"take its place. That is where the effects were weighed against each other."
+            )
+        elif step.refuted and taken is not None:
+            told.append(
+                f"{shown} shows it: beside every force that the drive feels, nothing that acts on the command, the "
+                f"gain or a sensor is needed. So it is a force: `{taken.name}`."
+            )
+        elif step.unrecorded and found.effects:
+            told.append(f"What is left beside {_all(found.effects)} shows in {shown}: a force that nobody recorded.")
+    return told
+
+
 def _step_of(found: Diagnosis, name: str) -> dict[str, Tried]:
     """Everything that was tried in the step at which an effect was found."""
     tried = {one.name: one for one in step_of(found.steps, name).tried}
@@ -119,10 +141,12 @@ def _against(found: Diagnosis, tried: dict[str, Tried], other: str, alike: bool)
         reasons = {one.effect: one.reason for one in found.refused}
         return f"not ruled out, {reasons[other]}" if other in reasons else "the model has it already"
     mine, its = tried[""], tried[other]
-    errors = f"{_error(its.judged)} m/s against {_error(mine.judged)}"
+    errors = f"{_error(its.compared)} m/s against {_error(mine.compared)}"
+    if mine.compared is not mine.judged:
+        errors += " with every force known"
     if alike:
         return f"can't be told apart, {errors}"
-    apart = sureness(its.judged, mine.judged, np.random.default_rng(SEED))
+    apart = sureness(its.compared, mine.compared, np.random.default_rng(SEED))
     moved = f"; it counts for {100 * its.credit:.0f} %, {DISCOUNTED}" if its.credit < 1.0 else ""
     if apart < SURE:
         return f"leaves {errors}, too close for the errors to decide ({apart:+.1f} standard errors){moved}"

@@ -9,6 +9,7 @@ from cruise.report.curve import curve
 from cruise.report.evidence import Number
 from cruise.validation.candidates import UNNAMED
 from cruise.validation.diagnose import SEED, Diagnosis
+from cruise.validation.tried import tried_in
 
 CURVE_SHOWN: Final = 9  # points of a curve
 
@@ -83,6 +84,16 @@ def report(found: Diagnosis, model: str, structure: str) -> dict[str, Any]:
                 "counts": one.credit,
             }
             for one in found.steps[0].tried
+        ],
+        "forces": [
+            {
+                "effect": step.taken,
+                "error_before_mps": _number(evidence.error_mps(step.forces)) if step.forces else None,
+                "error_after_mps": _number(evidence.error_mps(taken.compared)) if step.forces and taken else None,
+                "refuted": list(step.refuted),
+            }
+            for step in found.steps
+            if (taken := tried_in(step, step.taken)) is not None and (step.forces or step.refuted)
         ],
         "dependence": _dependence(found),
         "seed": SEED,

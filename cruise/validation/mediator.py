@@ -31,7 +31,8 @@ MEDIATED: Final = 0.3  # of the present loss: all that an effect may leave throu
 MORE: Final = 0.8  # of what the best direct cause leaves: with less, and with
 BEYOND: Final = 0.04  # of the present loss, that it must take away beyond the best direct cause: forms may be wrong
 TOLD_BESIDE: Final = 0.7  # of what it takes away beyond that foretold by what is recorded, it is a cause itself
-DIRECT: Final = 0.5  # of what it takes away: with more that a direct cause takes away in its place, it is none
+DIRECT: Final = 0.5  # of what it takes away: with more that a direct cause takes away in its place, it is none,
+NAMELESS: Final = 0.8  # or a curve without physics
 TOLD: Final = 0.35  # of what it takes away: with less that is foretold, a force that nobody recorded acts there
 
 
@@ -53,13 +54,12 @@ def behind(study: Study, present: Judged, mediator: Judged, direct: Judged) -> T
         part_mps = error_mps - mediator.fit.error_mps
         return share_told(study.search.scene, present.fit, part_mps, study.search.blocks)
 
-    in_its_place = present.loss - direct.loss > DIRECT * taken
-    alone = in_its_place and direct.candidate.startswith(UNNAMED)  # one recorded signal, and no known effect of it
-    beyond = max((1.0 - MORE) * direct.loss, BEYOND * present.loss)
-    if not alone and direct.loss - mediator.loss > beyond and told(direct.fit.error_mps) >= TOLD_BESIDE:
-        return Through.ITSELF
-    if in_its_place:
+    nameless = direct.candidate.startswith(UNNAMED)
+    if present.loss - direct.loss > (NAMELESS if nameless else DIRECT) * taken:
         return Through.RECORDED
+    beyond = max((1.0 - MORE) * direct.loss, BEYOND * present.loss)
+    if direct.loss - mediator.loss > beyond and told(direct.fit.error_mps) >= TOLD_BESIDE:
+        return Through.ITSELF
     return Through.ITSELF if told(present.fit.error_mps) >= TOLD else Through.UNRECORDED
 
 

@@ -33,6 +33,7 @@ LEAST_CURVED: Final = 0.45  # of the loss, that a free curve must explain to hav
 CURVED: Final = (60.0, 0.05)  # evidence, and share of it, by which a free curve must exceed all effects
 FAR: Final = 0.4  # of what all effects leave: a curve that leaves less has the word with as much evidence,
 ABOUT: Final = 0.1  # as much but for this share of it
+CLEARLY: Final = 0.6  # of what the best effect leaves where every force is known: all that a curve may leave there
 SAME_SIGNAL: Final = 0.85  # of what a curve takes away: an effect of the same signal that takes as much is the curve
 SUPERFLUOUS: Final = 0.5  # of ENOUGH: what an effect must still bring beside the others
 HOPEFUL: Final = (10.0, 2)  # evidence from which an effect that is not enough may be one of two, and how many may
@@ -153,13 +154,15 @@ def _curve(first: Step, chosen: float, left: float) -> tuple[Tried | None, float
     """
     curves = [one for one in first.tried if one.name.startswith(UNNAMED)]
     named = [one for one in first.tried if not one.name.startswith(UNNAMED)]
-    best = max(curves, key=counted, default=None)
-    if best is None or best.gain < LEAST_CURVED or best.judged.loss >= left or not enough(best):
+    best = max((one for one in curves if one.gain >= LEAST_CURVED), key=counted, default=None)
+    if first.forces is not None:
+        left = CLEARLY * min(one.compared.loss for one in named)
+    if best is None or best.compared.loss >= left or not enough(best):
         return None, 0.0
-    effects = max(chosen, *(one.counted for one in named))
+    effects = max([chosen, *(one.counted for one in named if one.gain >= LEAST_GAIN)])
     margin = best.counted - CURVED[0] - CURVED[1] * best.counted - effects
     if effects <= (1.0 + ABOUT) * best.counted:
-        margin = max(margin, ENOUGH * (1.0 - best.judged.loss / (FAR * left)))
+        margin = max(margin, ENOUGH * (1.0 - best.compared.loss / (FAR * left)))
     if margin <= 0.0:
         return None, 0.0
     mine = best.name.removeprefix(UNNAMED)

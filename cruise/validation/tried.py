@@ -12,7 +12,8 @@ from cruise.validation.search import Judged, gain
 
 ENOUGH: Final = 60.0  # evidence from which an effect is more than a little of everything
 LEAST_GAIN: Final = 0.15  # of the present loss: errors that fall by less than 8 % are not worth a name
-MUCH: Final = 0.6  # of the present loss: no background takes so much, so that half the evidence is enough
+MUCH: Final = 0.6  # of the present loss: no background takes so much, so that half the evidence is enough,
+FEW: Final = 0.5  # of it: a little of several effects may take less together, so that half as much again is asked
 LEAST_LEFT: Final = 1e-9  # of the loss: what is left of it where there is no noise at all
 SURE: Final = 1.5  # standard errors of a held-out gain; a few blocks may hold all of it
 BEYOND_DOUBT: Final = 6.0  # standard errors that a background, which has its moments, does not reach
@@ -73,6 +74,8 @@ def counted(one: Tried) -> float:
 
 def asked(gain: float) -> float:
     """The evidence from which what takes away such a share of the loss is more than a little of everything."""
+    if gain < FEW:
+        return 1.5 * ENOUGH
     return ENOUGH if gain < MUCH else 0.5 * ENOUGH
 
 

@@ -222,7 +222,9 @@ def test_commands_can_be_copied_and_no_unit_is_no_dash(hills, capsys):
 def test_a_rival_as_good_is_not_called_beaten(hills, capsys):
     first = hills.steps[0]
     grade, rival = [one for one in first.tried if not one.name.startswith("unnamed:")][:2]
-    tied = tuple(replace(one, judged=grade.judged) if one is rival else one for one in first.tried)
+    tied = tuple(
+        replace(one, judged=grade.judged, compared=grade.compared) if one is rival else one for one in first.tried
+    )
     out = said(capsys, replace(hills, steps=(replace(first, tried=tied), *hills.steps[1:])))
     assert f"`grade` or `{rival.name}`: leaves" in out
     assert "too close for the errors to decide (+0.0 standard errors)" in out

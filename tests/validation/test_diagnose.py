@@ -99,7 +99,7 @@ EVERY = pytest.mark.parametrize("which", ["nothing", "grade", "dead_zone", "unli
 def test_a_curve_that_leaves_far_less_error_has_the_word_with_as_much_evidence(unlisted):
     first = unlisted.steps[0]
     curve, rival = first.tried[0], next(one for one in first.tried if not one.name.startswith(UNNAMED))
-    step = replace(first, tried=(curve, replace(rival, evidence=curve.evidence)))
+    step = replace(first, tried=(curve, replace(rival, evidence=curve.evidence, gain=curve.gain)))
 
     def word(left: float) -> tuple[Tried | None, float]:
         return selection._curve(step, curve.evidence, left)
@@ -107,7 +107,7 @@ def test_a_curve_that_leaves_far_less_error_has_the_word_with_as_much_evidence(u
     assert word(curve.judged.loss / 0.3)[0] is curve
     assert word(curve.judged.loss / 0.1)[1] > word(curve.judged.loss / 0.3)[1] > 0.0, "the farther the surer"
     assert word(curve.judged.loss / 0.5) == (None, 0.0), "not far"
-    more = replace(first, tried=(curve, replace(rival, evidence=1.2 * curve.evidence)))
+    more = replace(first, tried=(curve, replace(rival, evidence=1.2 * curve.evidence, gain=curve.gain)))
     assert selection._curve(more, 0.0, curve.judged.loss / 0.1) == (None, 0.0), "there is more evidence for an effect"
     assert selection._curve(first, 0.0, 1.1 * curve.judged.loss)[0] is curve, "much more evidence than for all effects"
     assert selection._curve(first, 0.0, 0.9 * curve.judged.loss) == (None, 0.0), "and yet they leave less"
@@ -313,7 +313,7 @@ def test_a_force_that_the_pressure_does_not_show_is_found_all_the_same():
 
 def test_leakage_is_found_beside_what_acts_on_the_command():
     pressure_bar = 120.0 + 15.0 * PITCH + 0.6 * (HEADER - 300.0)
-    one = pressed(pressure_bar, -0.003 * (pressure_bar - 120.0), command=bent)
+    one = pressed(pressure_bar, -0.002 * (pressure_bar - 120.0), command=bent)
     assert (one.verdict, set(one.effects)) == (Verdict.MISSING, {"leakage", "dead_zone"})
 
 

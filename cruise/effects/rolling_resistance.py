@@ -43,7 +43,7 @@ class RollingResistance(Effect):
     parameters: ClassVar = {
         "crossover_mps": Parameter("m/s", 0.01, 0.5, 0.5, "speed at which the resistance is there within a sample"),
         "rise_per_mps": Parameter("s/m", 0.0, 0.3, 0.0, "share by which it rises with each m/s of the speed"),
-        "held_share": Parameter("1", 0.0, 1.0, 0.0, "share of it at 15000 kg that the rest of the model holds already"),
+        "held_share": Parameter("-", 0.0, 1.0, 0.0, "share of it at 15000 kg that the rest of the model holds already"),
     }
     about: ClassVar = About(
         physics="Tyre and soil are deformed in front of the axle and give back less behind it. The loss is a force "

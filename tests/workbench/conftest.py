@@ -9,13 +9,13 @@ LAID_OUT = Path(__file__).with_name("laid_out.js").read_text()
 WIDTHS = (1440, 1024)
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def cache(tmp_path_factory) -> Path:
     """Where the bundled recordings are kept while the tests run."""
     return tmp_path_factory.mktemp("cache")
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def server(cache, tmp_path_factory) -> Iterator[str]:
     """Address of a workbench that runs as `cruise workbench` starts it."""
     pytest.importorskip("nicegui", reason="the extra workbench is not installed")
@@ -28,9 +28,9 @@ def server(cache, tmp_path_factory) -> Iterator[str]:
     assert "Traceback" not in said.read_text(), said.read_text()
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def chromium() -> Iterator[object]:
-    """A headless Chromium; without one the walk is not run, and says so."""
+    """A headless Chromium for this folder alone, as others start their own; without one no walk is run, and says so."""
     pytest.importorskip("playwright.sync_api", reason="playwright is not installed: no walk in a browser")
     from tools.page import served
 

@@ -61,9 +61,12 @@ def sentence(found: Diagnosis) -> str:
                     f"from {before} to {_error(found.final)} m/s on data that the fit has not seen, and nothing else "
                     f"that is recorded foretells it{rival} {sure}."
                 )
+            known = [one for one in evidence.members(found.final.explanation) if not one.startswith(UNNAMED)]
+            new = [one for one in known if one not in evidence.members(found.base.explanation)]
+            beside = f", beside {_all(new)}," if new else ""
             return (
                 f"Something is missing that is none of the effects that cruise knows: a free curve of "
-                f"{_all(found.signals)} lowers the error {horizon} from {before} to "
+                f"{_all(found.signals)}{beside} lowers the error {horizon} from {before} to "
                 f"{_error(found.final)} m/s on data that the fit has not seen{rival} {sure}."
             )
     trials = [evidence.first_tried(found, name) for name in found.effects]

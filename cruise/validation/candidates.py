@@ -17,11 +17,13 @@ from cruise.validation.slope import PITCH, SLOPE, pitch_share, slope_deg
 from cruise.validation.unnamed import (
     KNOTS,
     POWERS,
+    PUSHES,
     SPEED,
     UnnamedCurve,
     UnnamedDirection,
     UnnamedGain,
     UnnamedLoad,
+    UnnamedPush,
     range_of,
 )
 
@@ -161,6 +163,8 @@ class UnnamedCandidate:
         grown = with_effect(explanation, gain)
         for power in POWERS:
             grown = with_effect(grown, UnnamedLoad(self.signal, self.centre, self.half_width, power))
+        for power in PUSHES if self.signal != SPEED else ():  # one of the speed itself is in the load and the core
+            grown = with_effect(grown, UnnamedPush(self.signal, self.centre, self.half_width, power))
         yield grown
 
 
@@ -243,7 +247,7 @@ def owner(effect: Effect) -> str:
     """The candidate to which an effect belongs."""
     if isinstance(effect, UnnamedCurve | UnnamedDirection):
         return _unnamed(INPUT)
-    return _unnamed(effect.signal) if isinstance(effect, UnnamedGain | UnnamedLoad) else effect.name
+    return _unnamed(effect.signal) if isinstance(effect, UnnamedGain | UnnamedLoad | UnnamedPush) else effect.name
 
 
 def _unnamed(signal: str) -> str:

@@ -32,7 +32,7 @@ MORE: Final = 0.8  # of what the best direct cause leaves: with less, and with
 BEYOND: Final = 0.04  # of the present loss, that it must take away beyond the best direct cause: forms may be wrong
 TOLD_BESIDE: Final = 0.7  # of what it takes away beyond that foretold by what is recorded, it is a cause itself
 DIRECT: Final = 0.5  # of what it takes away: with more that a direct cause takes away in its place, it is none,
-NAMELESS: Final = 0.8  # or a curve without physics
+NAMELESS: Final = 0.8  # or a curve without physics, where nothing else has been found
 TOLD: Final = 0.35  # of what it takes away: with less that is foretold, a force that nobody recorded acts there
 
 
@@ -44,8 +44,8 @@ class Through(Enum):
     UNRECORDED = auto()  # a force that nobody recorded: nothing foretells what it takes away
 
 
-def behind(study: Study, present: Judged, mediator: Judged, direct: Judged) -> Through:
-    """What stands behind the mediator; `direct` is the best of the other causes."""
+def behind(study: Study, present: Judged, mediator: Judged, direct: Judged, first: bool) -> Through:
+    """What stands behind the mediator; `direct` is the best of the other causes, `first` says if none is found yet."""
     taken = present.loss - mediator.loss
     if mediator.loss > MEDIATED * present.loss:
         return Through.RECORDED
@@ -54,7 +54,7 @@ def behind(study: Study, present: Judged, mediator: Judged, direct: Judged) -> T
         part_mps = error_mps - mediator.fit.error_mps
         return share_told(study.search.scene, present.fit, part_mps, study.search.blocks)
 
-    nameless = direct.candidate.startswith(UNNAMED)
+    nameless = first and direct.candidate.startswith(UNNAMED)
     if present.loss - direct.loss > (NAMELESS if nameless else DIRECT) * taken:
         return Through.RECORDED
     beyond = max((1.0 - MORE) * direct.loss, BEYOND * present.loss)

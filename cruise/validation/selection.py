@@ -18,6 +18,7 @@ from cruise.validation.tried import (
     SURE,
     Step,
     Tried,
+    asked,
     close,
     counted,
     enough,
@@ -66,7 +67,8 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
     """Add the best effect while it brings enough; after each, drop what it makes superfluous.
 
     A curve without physics has the word in the end where there is much more evidence for it than for all effects
-    together, or as much and it leaves far less of the error; never where it leaves more than they do.
+    together, or as much and it leaves far less of the error, never where it leaves more than they do; or where it takes
+    as much of what they leave as a further effect would have to.
     """
     search, present = study.search, study.base
     steps: list[Step] = []
@@ -75,9 +77,8 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
     while len(chosen) < MOST_EFFECTS and len(steps) < MOST_STEPS:
         possible, cannot = candidates(study.recordings, present.explanation)
         refused = refused or cannot
-        curves = unnamed(study.recordings, present.explanation) if not steps else []
-        elsewhere = [one.judged for one in steps[0].tried if one.name.startswith(UNNAMED)] if steps else []
-        step = tried_beside(study, present, [*possible, *curves], chosen, rng, show, elsewhere)
+        curves = unnamed(study.recordings, present.explanation)
+        step = tried_beside(study, present, [*possible, *curves], chosen, rng, show)
         present = step.before
         steps.append(step)
         if step.unrecorded and not chosen:
@@ -106,6 +107,8 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
         shows = next(one for one in steps[0].tried if one.name == steps[0].unrecorded)
         return Selected(tuple(steps), (), shows.judged, tuple(refused))
     curve, margin = _curve(steps[0], together(steps[0], present, chosen) if chosen else 0.0, present.loss)
+    if curve is None and chosen and steps[-1].before is present:
+        curve, margin = _left_over(steps[-1], steps[-2].before)
     if curve is not None:
         return Selected(tuple(steps), (curve.name,), curve.judged, tuple(refused), margin)
     return Selected(tuple(steps), tuple(chosen), present, tuple(refused))
@@ -169,6 +172,19 @@ def _curve(first: Step, chosen: float, left: float) -> tuple[Tried | None, float
     same = [one for one in named if mine in EFFECTS[one.name].needs and mine != OUTPUT and enough(one)]
     taken = [(first.before.loss - one.judged.loss) / (first.before.loss - best.judged.loss) for one in same]
     return (None, 0.0) if max(taken, default=0.0) >= SAME_SIGNAL else (best, margin)
+
+
+def _left_over(last: Step, before: Judged) -> tuple[Tried | None, float]:
+    """The curve that takes away what the effects leave, if one is as much as a further effect; none of them is.
+
+    Then they are not all of it, and perhaps no more than substitutes: the right form leaves nothing to a curve. What
+    the drive itself moves has no say, as soil that nobody recorded shows there, too.
+    """
+    curves = [one for one in last.tried if one.name.startswith(UNNAMED) and one.credit == 1.0]
+    best = max(curves, key=counted, default=None)
+    if best is None or not _further(best, last.before, before):
+        return None, 0.0
+    return best, best.counted - asked(best.gain)
 
 
 def together(first: Step, one: Judged, names: Sequence[str]) -> float:

@@ -48,14 +48,12 @@ def tried_beside(
     chosen: Sequence[str],
     rng: np.random.Generator,
     show: Show,
-    elsewhere: Sequence[Judged] = (),
     effort: Effort = THOROUGH,
     known: Mapping[str, Fit] = MappingProxyType({}),
 ) -> Step:
     """Every candidate beside what is there, best first. What is there may be fitted better on the way.
 
-    `elsewhere` are further direct causes: dependences without physics that were tried before; `known` fits of
-    candidates that were found on another way.
+    `known` are fits of candidates that were found on another way.
     """
     search, fits = study.search, _fitted(study.search, present, everyone, chosen, show, effort, known)
     before = present.fit
@@ -85,7 +83,7 @@ def tried_beside(
         Tried(one.candidate, gain(present, one), 0.0, credit[one.candidate], sureness(present, one, rng), one, one)
         for one in judged
     ]
-    said = _said(study, present, alone, everyone, elsewhere, chosen, rng, show)
+    said = _said(study, present, alone, everyone, chosen, rng, show)
     credit |= dict.fromkeys(MEDIATORS, 1.0 if said.through is Through.ITSELF else 0.0)
     background.settle({name: credit[name] for name in named})
     credit |= dict.fromkeys(said.refuted, 0.0)
@@ -107,7 +105,6 @@ def _said(
     present: Judged,
     alone: Sequence[Tried],
     everyone: Sequence[Candidate],
-    elsewhere: Sequence[Judged],
     chosen: Sequence[str],
     rng: np.random.Generator,
     show: Show,
@@ -126,9 +123,9 @@ def _said(
             return Said(mediator.name, Through.RECORDED, step.before, beside, ())
     no_forces = refuted(mediator.judged, alone) if mediator.gain >= SHOWN else ()
     through = {*MEDIATORS, *(f"{UNNAMED}{signal}" for signal in EFFECTS[mediator.name].needs)}
-    direct = [*(one.judged for one in alone if one.name not in no_forces), *elsewhere]
-    best = min([present, *(one for one in direct if one.candidate not in through)], key=lambda one: one.loss)
-    return Said(mediator.name, behind(study, present, mediator.judged, best), None, {}, no_forces)
+    direct = [one.judged for one in alone if one.name not in {*no_forces, *through}]
+    best = min([present, *direct], key=lambda one: one.loss)
+    return Said(mediator.name, behind(study, present, mediator.judged, best, not chosen), None, {}, no_forces)
 
 
 def _known(search: Search, mediator: Tried, alone: Sequence[Tried], everyone: Sequence[Candidate]) -> dict[str, Fit]:

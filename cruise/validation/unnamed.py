@@ -2,6 +2,7 @@
 
     gain     g = 1 + p_1 z + p_2 z^2 + p_3 z^3
     load     phi_i = z^i tanh(y / 0.1 m/s)
+    push     phi_i = z^i
     command  f(u) = u + sum_i p_i max(u - u_i, 0)
     z = clip((s - centre) / half width of the middle 96 %, -1.5, 1.5)
 
@@ -20,6 +21,7 @@ from cruise.effects.effect import About, State, Value, clip, tanh
 from cruise.signals import Signals
 
 POWERS: Final = (1, 2, 3)
+PUSHES: Final = (1, 2)  # powers of what pushes along the ground, whichever way the machine moves
 MOVING_MPS: Final = 0.1  # m/s, below which a load is taken to be held rather than felt
 FARTHEST: Final = 1.5  # half widths; beyond, a cubic says anything
 KNOTS: Final = 4
@@ -105,6 +107,24 @@ class UnnamedLoad(Unnamed):
     def step(self, value: Value, past_speed: Value, signals: Signals, state: State, dt_s: float) -> tuple[Value, State]:
         """z to its power, with the sign of the motion."""
         return self.scaled(past_speed, signals) ** self.power * tanh(past_speed / MOVING_MPS), state
+
+
+@dataclass(frozen=True)
+class UnnamedPush(Unnamed):
+    """One power of a signal as a load of either sign, felt whichever way the machine moves, as a slope is."""
+
+    stage = Stage.LOAD
+    either_sign: ClassVar = True
+
+    power: int = 1
+
+    @property
+    def name(self) -> str:  # type: ignore[override]
+        return f"{self.signal}:push{self.power}"
+
+    def step(self, value: Value, past_speed: Value, signals: Signals, state: State, dt_s: float) -> tuple[Value, State]:
+        """z to its power."""
+        return self.scaled(past_speed, signals) ** self.power, state
 
 
 @dataclass(frozen=True)

@@ -35,11 +35,13 @@ from cruise.validation.explanation import CORE, RESONANCE, Explanation
 from cruise.validation.unnamed import (
     FARTHEST,
     POWERS,
+    PUSHES,
     SPEED,
     UnnamedCurve,
     UnnamedDirection,
     UnnamedGain,
     UnnamedLoad,
+    UnnamedPush,
     range_of,
 )
 from tests.validation.driving import drive, wander
@@ -265,7 +267,9 @@ def test_an_unnamed_dependence_goes_as_a_whole():
         (grown,) = candidate.grown(present)
         parts = [effect for effect in grown.effects if effect not in present.effects]
         assert {owner(effect) for effect in parts} == {candidate.name}
-        assert len(parts) == (2 if candidate.signal == INPUT else 1 + len(POWERS))
+        of_a_signal = 1 + len(POWERS) + len(PUSHES)
+        several = {INPUT: 2, SPEED: 1 + len(POWERS)}
+        assert len(parts) == several.get(candidate.signal, of_a_signal)
         assert without(grown, candidate.name) == present
     assert owner(DeadZone()) == "dead_zone"
 
@@ -315,6 +319,11 @@ def test_a_curve_spans_what_was_measured():
         0.0, np.zeros(5), {"header": values}, None, 0.2
     )
     assert at_rest == pytest.approx(np.zeros(5))
+    for speed_mps in (-5.0, 0.0, 5.0):  # a slope pushes whichever way the machine moves
+        push, _ = UnnamedPush("header", header.centre, header.half_width, 2).step(
+            0.0, np.full(5, speed_mps), {"header": values}, None, 0.2
+        )
+        assert push == pytest.approx(z**2)
 
 
 def test_a_curve_of_the_current_is_broken_at_its_knots():

@@ -11,7 +11,7 @@ from cruise.identification.structures import parse
 from cruise.report.diagnosis import sentence
 from cruise.validation import selection
 from cruise.validation.candidates import UNNAMED
-from cruise.validation.confidence import CURVES, LEAST_FORETOLD, answer_of, confidence_of
+from cruise.validation.confidence import CURVES, LEAST_FORETOLD, LEAST_UNTOLD, answer_of, confidence_of, untold
 from cruise.validation.diagnose import Diagnosis, Verdict, diagnose
 from cruise.validation.foretold import CHANCE
 from cruise.validation.study import Study, study
@@ -111,6 +111,45 @@ def test_a_curve_that_leaves_far_less_error_has_the_word_with_as_much_evidence(u
     assert selection._curve(more, 0.0, curve.judged.loss / 0.1) == (None, 0.0), "there is more evidence for an effect"
     assert selection._curve(first, 0.0, 1.1 * curve.judged.loss)[0] is curve, "much more evidence than for all effects"
     assert selection._curve(first, 0.0, 0.9 * curve.judged.loss) == (None, 0.0), "and yet they leave less"
+
+
+def test_what_stands_in_for_an_effect_that_nobody_listed_is_seen_by_what_a_curve_takes_beside_it():
+    with table_without(["dead_zone"]):
+        one = found(command=lambda u: np.maximum(u - 400.0, 0.0))
+    assert one.steps[0].taken == "coulomb_friction"
+    assert (one.verdict, one.effects, one.signals) == (Verdict.UNLISTED, (), ("pump_current_ma",))
+    assert "a free curve of `pump_current_ma`, beside `coulomb_friction`, lowers the error" in sentence(one)
+
+
+def test_a_curve_beside_what_was_found_must_take_as_much_as_a_further_effect(dead_zone):
+    last, before = dead_zone.steps[-1], dead_zone.steps[-2].before
+    curve = replace(next(one for one in last.tried if one.name.startswith(UNNAMED)), gain=0.3, evidence=100.0)
+    less = replace(last.before, raw=last.before.raw - 0.05 * before.raw)
+
+    def word(**how) -> Tried | None:
+        one = replace(curve, **({"judged": less, "sureness": 3.0, "credit": 1.0} | how))
+        return selection._left_over(replace(last, tried=(one,)), before)[0]
+
+    assert word() is not None
+    assert word(credit=0.9) is None, "the drive itself moves it"
+    assert word(evidence=selection.FURTHER - 1.0) is None
+    assert word(gain=0.2) is None
+    assert word(judged=replace(last.before, raw=last.before.raw - 0.03 * before.raw)) is None
+    assert selection._left_over(last, before) == (None, 0.0)
+
+
+def test_far_above_the_noise_is_unlisted_with_what_was_found_too(grade):
+    found_so = selection.Selected(grade.steps, grade.effects, grade.final, ())
+    assert untold(found_so) < 0.5
+    noise = grade.steps[-1].background.noise
+
+    def left(share: float) -> selection.Selected:
+        size = share * grade.base.loss / grade.final.loss
+        last = replace(grade.final, raw=size * grade.final.raw)
+        return replace(found_so, final=last)
+
+    assert untold(left(0.3)) == pytest.approx(np.sqrt(0.3 * grade.base.loss / noise) / LEAST_UNTOLD)
+    assert untold(left(0.14)) == 0.0, "a wrong form leaves as much"
 
 
 @EVERY

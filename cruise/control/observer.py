@@ -3,8 +3,8 @@
     x_k = [y_k, d_k, q_k, r_k]'
     y_(k+1) = y_k + p_k (1 - A) (s_k + d_k - y_k) + noise,   d_(k+1) = d_k + sqrt(alpha) noise
     q' = r,   r' = -omega^2 q - 2 zeta omega r + noise,   measured: y_k + r_k + noise
-    d_k = d_(k|k-1) + K_d e_k / (1 + (s'_k / R)^2)
-    ln p_(k+1) = exp(-T / tau) ln p_k + noise,   standard deviation of ln p where nothing is known: kappa |ln alpha|
+    d_k = d_(k|k-1) + c_k K_d e_k,   c_k = 1 / (1 + (s'_k / R)^2)
+    ln p_k = exp(-T / tau) ln p_(k-1) + (1 - c_k) K_p e_k,   |ln p| <= 2 kappa |ln alpha|
 
 y speed in m/s, A pole of the vehicle over a frame and alpha the pace by which a gear slows it down, s steady speed in
 m/s that drive and loads give by the model, d disturbance in m/s of steady speed, r ripple in m/s that the sensor shows
@@ -20,9 +20,12 @@ control", J. Process Control 12 (2002)).
 p is the pace of the drive over the one that equation 12 gives the gear. The time constant of a hydrostatic drive is the
 mass times its compliance, leakage and a pump that the pressure destrokes: i^2 (a + b stroke) in a gear of ratio i,
 where the equation has i^2 alone. So p is 1 where the model was learned, alpha = 1, and known the less the more a gear
-slows the drive. It shows wherever the speed is on its way to where the drive leads; at rest it does not, and the filter
-is the linear one. A second stage beside the filter: x moves by what another p would have moved it by (B. Friedland,
-"Treatment of bias in recursive filtering", IEEE TAC 14 (1969)).
+slows the drive: to kappa |ln alpha|, one standard deviation of ln p. K_p is the gain of a Kalman filter for ln p alone,
+to which dx / d ln p, from a second filter beside the first, shows it. An extended Kalman filter would move x along with
+p; but p (s + d - y) is the same for a slow drive with much of a disturbance as for a fast one with little, and where
+the model errs the two wound each other up without end. So an innovation is shared: what comes while the drive moves is
+its pace, what comes at rest a disturbance, and x follows by its own filter (recursive prediction errors: L. Ljung,
+"Asymptotic behavior of the extended Kalman filter as a parameter estimator for linear systems", IEEE TAC 24 (1979)).
 """
 
 import math
@@ -86,7 +89,7 @@ class DisturbanceObserver:
         self.steady_mps = math.nan  # s through a lag of brisk_s
         self.ripple = np.zeros(2)  # q and r
         self.log_pace, self.log_pace_variance = 0.0, 0.0
-        self.moved = np.zeros(4)  # of x, for a change of ln p
+        self.moved = np.zeros(4)  # dx / d ln p
         self._keep()
 
     @property
@@ -117,22 +120,22 @@ class DisturbanceObserver:
         gain = found.gain * (1.0, self.calm, 1.0, 1.0)
         shown = float(SEEN @ moved)
         self.moved = moved - gain * shown
-        x += gain * self.innovation_mps + self.moved * self._learn(shown, found.variance, pace)
+        x += gain * self.innovation_mps
+        self._learn(shown, found.variance, pace)
         self.speed_mps, self.disturbance_mps, self.ripple = float(x[0]), float(x[1]), x[2:]
         if not upset:
             self._keep()
         return self.innovation_mps
 
-    def _learn(self, shown: float, variance_mps2: float, pace: float) -> float:
-        """By how much ln p moves for the innovation, of this variance where p is known, which shows it so much."""
+    def _learn(self, shown: float, variance_mps2: float, pace: float) -> None:
+        """ln p one frame on, by what of the innovation, of this variance where p is known, shows it so much."""
         std = self.settings.pace_share * abs(math.log(pace))
         kept = self._kept_share
         variance = kept**2 * self.log_pace_variance + (1.0 - kept**2) * std**2
-        gain = variance * shown / (variance_mps2 + variance * shown**2)
-        before = kept * self.log_pace
-        self.log_pace = min(max(before + gain * self.innovation_mps, -2.0 * std), 2.0 * std)
+        gain = (1.0 - self.calm) * variance * shown / (variance_mps2 + variance * shown**2)
+        found = kept * self.log_pace + gain * self.innovation_mps
+        self.log_pace = min(max(found, -2.0 * std), 2.0 * std)
         self.log_pace_variance = variance * (1.0 - gain * shown)
-        return self.log_pace - before
 
     def _rate_mps2(self, steady_mps: float) -> float:
         """How fast drive and loads move the steady speed, through a lag."""

@@ -14,6 +14,7 @@ from cruise.effects.dead_zone import DeadZone
 from cruise.effects.engine_speed import EngineSpeed
 from cruise.effects.gear_ratio import GearRatio
 from cruise.effects.grade import Grade
+from cruise.effects.hysteresis import Hysteresis
 from cruise.effects.quadratic_gain import QuadraticGain
 from cruise.model.model import Model
 from cruise.signals import Sample
@@ -159,6 +160,59 @@ def test_there_is_no_steady_state_error_and_little_overshoot(name):
     loop.engaged(start_mps, 25.0)
     assert loop.speeds[-1] == pytest.approx(start_mps, abs=0.002)
     assert start_mps - min(loop.speeds[down:]) < most * (top_mps - start_mps)
+
+
+BAND_MA = 40.0
+
+
+def believed(band_ma: float = BAND_MA, threshold_ma: float = 400.0, curvature: float = 0.5) -> Model:
+    """A model that gives the machine's speed at 800 mA, with a characteristic of its own."""
+    a, *b, c_0 = MODEL.theta
+    beyond = 800.0 - threshold_ma
+    scale = 480.0 / (beyond * (1.0 + curvature * beyond / 1000.0))
+    effects = (Hysteresis(band_ma), DeadZone(threshold_ma), QuadraticGain(curvature), *EFFECTS[2:])
+    return replace(MODEL, effects=effects, theta=(a, *(scale * value for value in b), c_0))
+
+
+WRONG = {
+    "a tenth of a second late": (Machine(delay=14), believed()),
+    "a tenth of a second early": (Machine(delay=10), believed()),
+    "slower": (Machine(pole=0.6), believed()),
+    "faster": (Machine(pole=0.2), believed()),
+    "gives 0.7 of it": (Machine(gain=0.7 * 3e-3), believed()),
+    "gives 1.4 of it": (Machine(gain=1.4 * 3e-3), believed()),
+    "a band that the model does not know": (Machine(), believed(band_ma=0.0)),
+    "half the band": (Machine(), believed(band_ma=0.5 * BAND_MA)),
+    "a fifth more of a band": (Machine(), believed(band_ma=1.2 * BAND_MA)),
+    "hardly a dead zone": (Machine(), believed(threshold_ma=200.0, curvature=5.0)),
+    "a straight characteristic": (Machine(), believed(threshold_ma=450.0, curvature=0.0)),
+}
+
+
+def driven_with(wrong: str, gear: int) -> np.ndarray:
+    """How far off the speed is (N, 100) in m/s over the last 5 s at each of two setpoints."""
+    machine, model = WRONG[wrong]
+    loop, ratio = Loop(replace(machine, gear=gear, band_ma=BAND_MA), model).by_hand(750.0, 12.0), RATIO[gear]
+    wishes = [1.2 * ratio, 1.5 * ratio]
+    return np.array([loop.engaged(wish, 30.0).speeds[-100:] for wish in wishes]) - np.array(wishes)[:, None]
+
+
+@pytest.mark.parametrize("gear", RATIO)
+@pytest.mark.parametrize("wrong", WRONG)
+def test_a_model_that_errs_makes_neither_an_offset_nor_an_oscillation(wrong, gear):
+    """Taken over soon after standstill, before anything has settled."""
+    off = driven_with(wrong, gear)
+    assert abs(off).max() < 0.1
+    assert np.ptp(off, axis=1).max() < 0.05
+
+
+@pytest.mark.parametrize("gear", RATIO)
+def test_a_model_with_twice_the_band_makes_an_oscillation_no_wider_than_that_band(gear):
+    """The observer takes each turn of the current for a disturbance: 0.12 m/s to either side in second gear."""
+    machine = Machine(gear=gear, band_ma=BAND_MA)
+    loop = Loop(machine, believed(band_ma=2.0 * BAND_MA)).by_hand(750.0, 12.0).engaged(1.5 * RATIO[gear], 40.0)
+    across_mps = machine.gain * RATIO[gear] * BAND_MA * 1.5  # 1.5: slope of the characteristic at 900 mA
+    assert abs(np.array(loop.speeds[-200:]) - 1.5 * RATIO[gear]).max() < across_mps
 
 
 def test_a_step_of_load_is_taken_up():

@@ -137,11 +137,11 @@ def driven(observer, pace_share, seconds=4.0, pole=HIGH_POLE, pace=HIGH_PACE):
 
 @pytest.mark.parametrize("pace_share", [0.6, 0.8, 1.3])
 def test_it_finds_how_fast_the_drive_is_while_it_moves(pace_share):
-    """A good third of it within one change of the speed; as much less of it is taken for a disturbance."""
+    """A fifth of it within one change of the speed; less of it is taken for a disturbance."""
     seen = driven(DisturbanceObserver(FRAME_S, ObserverSettings()), pace_share)
-    assert 0.33 < math.log(seen[50, 0]) / math.log(pace_share) < 1.0
+    assert 0.2 < math.log(seen[50, 0]) / math.log(pace_share) < 1.0
     alone = driven(DisturbanceObserver(FRAME_S, ObserverSettings(pace_share=1e-9)), pace_share)
-    assert abs(seen[:, 1]).max() < 0.67 * abs(alone[:, 1]).max()
+    assert abs(seen[:, 1]).max() < 0.9 * abs(alone[:, 1]).max()
 
 
 def test_a_drive_that_is_as_fast_as_the_model_says_is_left_so():
@@ -151,7 +151,7 @@ def test_a_drive_that_is_as_fast_as_the_model_says_is_left_so():
 
 def test_a_pace_that_nothing_shows_goes_back_to_the_models():
     seen = driven(DisturbanceObserver(FRAME_S, ObserverSettings()), 0.6, 60.0)
-    assert seen[:100, 0].min() < 0.85
+    assert seen[:100, 0].min() < 0.9
     assert seen[-1, 0] == pytest.approx(1.0, abs=0.02)
 
 
@@ -161,39 +161,55 @@ def test_where_the_gear_does_not_slow_the_drive_its_pace_is_the_models():
 
 
 def test_no_drive_is_taken_for_slower_than_the_uncertainty_of_its_gear():
-    observer = DisturbanceObserver(FRAME_S, ObserverSettings())
-    driven(observer, 0.02, 60.0)
-    assert observer.log_pace == pytest.approx(2.0 * observer.settings.pace_share * math.log(HIGH_PACE))
-    assert observer.pole(HIGH_POLE) == pytest.approx(1.0 - (1.0 - HIGH_POLE) * HIGH_PACE**0.5)
+    """One that is led to and fro and does not follow at all."""
+    observer, poles = DisturbanceObserver(FRAME_S, ObserverSettings()), []
+    observer.reset(3.0)
+    for k in range(1200):
+        observer.step(HIGH_POLE, 3.0 + 2.0 * math.sin(k * FRAME_S), 3.0, HIGH_PACE)
+        poles.append(observer.pole(HIGH_POLE))
+    assert max(poles) == pytest.approx(1.0 - (1.0 - HIGH_POLE) * HIGH_PACE**0.5)
 
 
-def test_both_stages_are_the_extended_kalman_filter_of_all_states():
-    """Written out: speed, disturbance, ripple and ln p in one filter."""
-    settings = ObserverSettings(brisk_mps2=1e9, speed_noise_mps=0.05)
-    two = DisturbanceObserver(FRAME_S, settings)
-    two.reset(3.0)
-    found = two.filter(HIGH_POLE, HIGH_PACE)
-    std, kept = settings.pace_share * abs(math.log(HIGH_PACE)), math.exp(-FRAME_S / settings.pace_s)
-    _, noise = noises(settings, HIGH_PACE)
-    noise, seen = block_diag(noise, (1.0 - kept**2) * std**2), np.array([1.0, 0.0, 0.0, 1.0, 0.0])
-    x, covariance, speed = np.array([3.0, 0.0, 0.0, 0.0, 0.0]), 1e-3 * np.eye(5), 3.0
-    rng, slowest = np.random.default_rng(1), 0.0
-    for k in range(400):
-        steady = 3.0 + np.clip((k - 200) / 60.0, 0.0, 1.0)
-        speed += 0.7 * (1.0 - HIGH_POLE) * (steady - speed)
+def test_what_shows_the_pace_is_the_derivative_of_the_state():
+    """By two observers more, to which a drive a little faster and a little slower is known for good."""
+    settings, small = ObserverSettings(pace_s=1e12), 1e-3
+    observers = {by: DisturbanceObserver(FRAME_S, settings) for by in (0.0, small, -small)}
+    for by, one in observers.items():
+        one.reset(3.0)
+        one.log_pace = by
+    rng, speed = np.random.default_rng(1), 3.0
+    for k in range(160):
+        steady = 3.0 + np.clip((k - 40) / 40.0, 0.0, 1.0)
+        speed += 0.7 * (1.0 - HIGH_POLE) * (steady - 0.1 - speed)
         shown = speed + 0.005 * rng.standard_normal()
-        two.step(HIGH_POLE, steady, shown, HIGH_PACE)
-        share = (1.0 - HIGH_POLE) * math.exp(x[4])
-        moves = block_diag([[1.0 - share, share], [0.0, 1.0]], found.moves[2:, 2:], kept)
-        moves[0, 4] = share * (steady + x[1] - x[0])
-        x = np.array([x[0] + moves[0, 4], x[1], *(moves[2:4, 2:4] @ x[2:4]), kept * x[4]])
-        covariance = moves @ covariance @ moves.T + noise
-        gain = covariance @ seen / (seen @ covariance @ seen + settings.speed_noise_mps**2)
-        x, covariance = x + gain * (shown - seen @ x), covariance - np.outer(gain, seen @ covariance)
-        if k >= 200:
-            assert two.speed_mps == pytest.approx(x[0], abs=2e-4)
-            assert two.disturbance_mps == pytest.approx(x[1], abs=2e-3)
-            assert two.ripple == pytest.approx(x[2:4], abs=2e-4)
-            assert two.log_pace == pytest.approx(x[4], rel=0.2, abs=0.01)
-        slowest = min(slowest, x[4])
-    assert slowest < -0.1
+        for one in observers.values():
+            one.step(HIGH_POLE, steady, shown, HIGH_PACE)
+    faster, slower = ([one.speed_mps, one.disturbance_mps, *one.ripple] for one in list(observers.values())[1:])
+    expected = (np.array(faster) - slower) / (2.0 * small)
+    assert abs(expected).min() > 1e-4
+    np.testing.assert_allclose(observers[0.0].moved, expected, rtol=0.01, atol=1e-5)
+
+
+def test_what_comes_while_the_drive_rests_is_a_disturbance_and_no_pace():
+    """However large it is: pace and disturbance explain the same of a speed that comes slowly."""
+    observer, speed = DisturbanceObserver(FRAME_S, ObserverSettings()), 3.0
+    observer.reset(speed)
+    for _ in range(1200):
+        speed += (1.0 - HIGH_POLE) * (2.0 - speed)
+        observer.step(HIGH_POLE, 3.0, speed, HIGH_PACE)
+        assert observer.log_pace == 0.0
+    assert observer.disturbance_mps == pytest.approx(-1.0, abs=0.01)
+
+
+@pytest.mark.parametrize("gain", [0.5, 0.7, 1.4, 2.0])
+def test_a_drive_that_gives_more_or_less_than_the_model_says_does_not_wind_up(gain):
+    """Pace and disturbance, while the drive goes to and fro for a minute: they end where they were found at rest."""
+    observer, speed = DisturbanceObserver(FRAME_S, ObserverSettings(speed_noise_mps=0.001)), 3.0 * gain
+    observer.reset(speed)
+    for k in range(3600):
+        steady = 3.0 + (1.0 * math.sin(k * FRAME_S) if k < 1200 else 0.0)
+        speed += (1.0 - HIGH_POLE) * (gain * steady - speed)
+        observer.step(HIGH_POLE, steady, speed, HIGH_PACE)
+        assert abs(observer.disturbance_mps) < 2.0 * 3.0 * abs(gain - 1.0)
+    assert observer.disturbance_mps == pytest.approx(3.0 * (gain - 1.0), abs=0.02)
+    assert observer.log_pace == pytest.approx(0.0, abs=0.01)

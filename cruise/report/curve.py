@@ -142,6 +142,8 @@ def _unnamed(study: Study, before: Judged, after: Judged, name: str) -> Curve:
                     total += one.core.gain_mps_per_ma * np.asarray(effect.step(up_and_down, 0.0, {}, None, 1.0)[0])
                 elif isinstance(effect, UnnamedDirection):
                     total += one.loads[one.at(Stage.LOAD).index(i)] * rising
+                elif effect.acts_as is Stage.LOAD:
+                    total += _settled(one, effect.name, usual, signal, up_and_down)
             return total
 
         straight = before.explanation.core.gain_mps_per_ma * up_and_down + before.explanation.offset_mps

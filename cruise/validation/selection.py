@@ -14,6 +14,7 @@ from cruise.validation.study import Study
 from cruise.validation.tried import (
     ENOUGH,
     LEAST_GAIN,
+    LOOSE,
     MUCH,
     SURE,
     Step,
@@ -23,6 +24,7 @@ from cruise.validation.tried import (
     counted,
     enough,
     held_out,
+    tried_in,
 )
 from cruise.validation.trying import Show, tried_beside
 
@@ -108,7 +110,7 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
         return Selected(tuple(steps), (), shows.judged, tuple(refused))
     curve, margin = _curve(steps[0], together(steps[0], present, chosen) if chosen else 0.0, present.loss)
     if curve is None and chosen and steps[-1].before is present:
-        curve, margin = _left_over(steps[-1], steps[-2].before)
+        curve, margin = _left_over(steps[0], steps[-1], steps[-2].before)
     if curve is not None:
         return Selected(tuple(steps), (curve.name,), curve.judged, tuple(refused), margin)
     return Selected(tuple(steps), tuple(chosen), present, tuple(refused))
@@ -174,8 +176,10 @@ def _curve(first: Step, chosen: float, left: float) -> tuple[Tried | None, float
     return (None, 0.0) if max(taken, default=0.0) >= SAME_SIGNAL else (best, margin)
 
 
-def _left_over(last: Step, before: Judged) -> tuple[Tried | None, float]:
+def _left_over(first: Step, last: Step, before: Judged) -> tuple[Tried | None, float]:
     """The curve that takes away what the effects leave, if one is as much as a further effect; none of them is.
+
+    It comes beside them, or alone where that leaves hardly more. `before` is without the effect that was added last.
 
     Then they are not all of it, and perhaps no more than substitutes: the right form leaves nothing to a curve. What
     the drive itself moves has no say, as soil that nobody recorded shows there, too.
@@ -184,7 +188,9 @@ def _left_over(last: Step, before: Judged) -> tuple[Tried | None, float]:
     best = max(curves, key=counted, default=None)
     if best is None or not _further(best, last.before, before):
         return None, 0.0
-    return best, best.counted - asked(best.gain)
+    alone = tried_in(first, best.name)
+    kept = alone if alone is not None and alone.judged.loss < LOOSE * best.judged.loss else best
+    return kept, best.counted - asked(best.gain)
 
 
 def together(first: Step, one: Judged, names: Sequence[str]) -> float:

@@ -17,7 +17,7 @@ from typing import Any, ClassVar, Final
 import numpy as np
 
 from cruise.effects import Effect, Parameter, Stage
-from cruise.effects.effect import About, State, Value, clip, tanh
+from cruise.effects.effect import About, State, Value, clip, tanh, where
 from cruise.signals import Signals
 
 POWERS: Final = (1, 2, 3)
@@ -172,8 +172,8 @@ class UnnamedDirection(Effect):
     def step(self, value: Value, past_speed: Value, signals: Signals, state: State, dt_s: float) -> tuple[Value, State]:
         """tanh of how far the current is from its own recent past."""
         current = signals["pump_current_ma"]
-        slow = current if state != state else state + (1.0 - math.exp(-dt_s / DIRECTION_S)) * (current - state)
-        return math.tanh((current - slow) / DIRECTION_MA), slow
+        slow = where(state == state, state + (1.0 - math.exp(-dt_s / DIRECTION_S)) * (current - state), current)
+        return tanh((current - slow) / DIRECTION_MA), slow
 
 
 def range_of(values: np.ndarray) -> tuple[float, float]:

@@ -15,7 +15,7 @@ from cruise.validation.confidence import CURVES, LEAST_FORETOLD, LEAST_UNTOLD, a
 from cruise.validation.diagnose import Diagnosis, Verdict, diagnose
 from cruise.validation.foretold import CHANCE
 from cruise.validation.study import Study, study
-from cruise.validation.tried import ALIKE, LEAST_GAIN, MUCH, Tried, enough
+from cruise.validation.tried import ALIKE, LEAST_GAIN, LOOSE, MUCH, Tried, enough
 from tests.validation.driving import GRAVITY_MPS2, drive, wander
 from tools.trial.run import table_without
 
@@ -118,7 +118,12 @@ def test_what_stands_in_for_an_effect_that_nobody_listed_is_seen_by_what_a_curve
         one = found(command=lambda u: np.maximum(u - 400.0, 0.0))
     assert one.steps[0].taken == "coulomb_friction"
     assert (one.verdict, one.effects, one.signals) == (Verdict.UNLISTED, (), ("pump_current_ma",))
-    assert "a free curve of `pump_current_ma`, beside `coulomb_friction`, lowers the error" in sentence(one)
+    assert "a free curve of `pump_current_ma` lowers the error" in sentence(one), "alone it leaves hardly more"
+    both = one.steps[1].tried[0]
+    assert one.final.loss < LOOSE * both.judged.loss
+    assert "a free curve of `pump_current_ma`, beside `coulomb_friction`, lowers" in sentence(
+        replace(one, final=both.judged)
+    )
 
 
 def test_a_curve_beside_what_was_found_must_take_as_much_as_a_further_effect(dead_zone):
@@ -128,14 +133,14 @@ def test_a_curve_beside_what_was_found_must_take_as_much_as_a_further_effect(dea
 
     def word(**how) -> Tried | None:
         one = replace(curve, **({"judged": less, "sureness": 3.0, "credit": 1.0} | how))
-        return selection._left_over(replace(last, tried=(one,)), before)[0]
+        return selection._left_over(dead_zone.steps[0], replace(last, tried=(one,)), before)[0]
 
     assert word() is not None
     assert word(credit=0.9) is None, "the drive itself moves it"
     assert word(evidence=selection.FURTHER - 1.0) is None
     assert word(gain=0.2) is None
     assert word(judged=replace(last.before, raw=last.before.raw - 0.03 * before.raw)) is None
-    assert selection._left_over(last, before) == (None, 0.0)
+    assert selection._left_over(dead_zone.steps[0], last, before) == (None, 0.0)
 
 
 def test_far_above_the_noise_is_unlisted_with_what_was_found_too(grade):

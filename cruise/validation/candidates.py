@@ -163,7 +163,8 @@ class UnnamedCandidate:
         grown = with_effect(explanation, gain)
         for power in POWERS:
             grown = with_effect(grown, UnnamedLoad(self.signal, self.centre, self.half_width, power))
-        for power in PUSHES if self.signal != SPEED else ():  # one of the speed itself is in the load and the core
+        pushes = self.credit == 1.0 and self.signal != SPEED  # what the drive moves pushes nothing
+        for power in PUSHES if pushes else ():
             grown = with_effect(grown, UnnamedPush(self.signal, self.centre, self.half_width, power))
         yield grown
 

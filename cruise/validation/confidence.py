@@ -11,9 +11,10 @@ from cruise.validation.search import Judged
 from cruise.validation.selection import FURTHER, LEAST_FURTHER, Selected
 from cruise.validation.tried import BEYOND_DOUBT, ENOUGH, LEAST_GAIN, asked, step_of, tried_in
 
-LEAST_FORETOLD: Final = 0.15  # of the first loss, that must be left or foretold for something to be missing,
+LEAST_FORETOLD: Final = 0.15  # of the first loss, that the catch-all must foretell for something to be missing,
 LEAST_BESIDE: Final = 0.25  # and of what the named effects explain, for them to be no more than substitutes
 LEAST_UNTOLD: Final = 4.5  # RMS of the error over the noise, from which no soil explains it where nothing foretells it
+MOST_LEFT: Final = 0.5  # of the first loss: with less that is left, it may be the wrong form of what was found
 CURVES: Final[Mapping[str, tuple[float, float]]] = {
     "nothing": (4.0, 1.31),
     "measured": (3.0, 1.3),
@@ -32,20 +33,15 @@ LEAST_MARGIN: Final = 1.0  # where another does better in its place: seldom righ
 
 def excess(hidden: Foretold, base: Judged, final: Judged) -> float:
     """What the catch-all foretells, over what it has to for something unlisted to be missing."""
-    return min(hidden.share / CHANCE, hidden.loss / _least(base, final))
+    least = max(LEAST_FORETOLD * base.loss, LEAST_BESIDE * (base.loss - final.loss))
+    return min(hidden.share / CHANCE, hidden.loss / least)
 
 
 def untold(found: Selected) -> float:
     """RMS of an error that nothing explains or foretells, over what it may be where nothing more is missing."""
-    base, last = found.steps[0].before, found.steps[-1]
-    if found.final.loss < _least(base, found.final):
+    if found.final.loss < MOST_LEFT * found.steps[0].before.loss:
         return 0.0
-    return math.sqrt(found.final.loss / last.background.noise) / LEAST_UNTOLD
-
-
-def _least(base: Judged, final: Judged) -> float:
-    """What must be left for something unlisted to be missing: not so little as a wrong form leaves."""
-    return max(LEAST_FORETOLD * base.loss, LEAST_BESIDE * (base.loss - final.loss))
+    return math.sqrt(found.final.loss / found.steps[-1].background.noise) / LEAST_UNTOLD
 
 
 def answer_of(verdict: str, effects: Sequence[str]) -> str:

@@ -38,6 +38,7 @@ FAR: Final = 0.4  # of what all effects leave: a curve that leaves less has the 
 ABOUT: Final = 0.1  # as much but for this share of it
 CLEARLY: Final = 0.6  # of what the best effect leaves where every force is known: all that a curve may leave there
 SAME_SIGNAL: Final = 0.85  # of what a curve takes away: an effect of the same signal that takes as much is the curve
+MOST_OF_IT: Final = 0.5  # of what effects leave above the noise, that a curve must take to show them as substitutes
 SUPERFLUOUS: Final = 0.5  # of ENOUGH: what an effect must still bring beside the others
 HOPEFUL: Final = (10.0, 2)  # evidence from which an effect that is not enough may be one of two, and how many may
 MOST_EFFECTS: Final = 4
@@ -177,16 +178,18 @@ def _curve(first: Step, chosen: float, left: float) -> tuple[Tried | None, float
 
 
 def _left_over(first: Step, last: Step, before: Judged) -> tuple[Tried | None, float]:
-    """The curve that takes away what the effects leave, if one is as much as a further effect; none of them is.
+    """The curve that shows the effects to be substitutes: it takes as much of what they leave as a further effect.
 
-    It comes beside them, or alone where that leaves hardly more. `before` is without the effect that was added last.
-
-    Then they are not all of it, and perhaps no more than substitutes: the right form leaves nothing to a curve. What
-    the drive itself moves has no say, as soil that nobody recorded shows there, too.
+    It comes beside them, or alone where that leaves hardly more. The right form leaves nothing to a curve; the wrong
+    form of a right effect leaves a little to everybody, a substitute leaves it to the signal that matters. What the
+    drive itself moves has no say, as soil that nobody recorded shows there, too. `before` is without the last effect.
     """
     curves = [one for one in last.tried if one.name.startswith(UNNAMED) and one.credit == 1.0]
     best = max(curves, key=counted, default=None)
     if best is None or not _further(best, last.before, before):
+        return None, 0.0
+    left = last.before.loss - last.background.noise
+    if last.before.loss - best.judged.loss < MOST_OF_IT * left:
         return None, 0.0
     alone = tried_in(first, best.name)
     kept = alone if alone is not None and alone.judged.loss < LOOSE * best.judged.loss else best

@@ -14,6 +14,7 @@ from cruise.validation.candidates import UNNAMED
 from cruise.validation.confidence import CURVES, LEAST_FORETOLD, LEAST_UNTOLD, answer_of, confidence_of, untold
 from cruise.validation.diagnose import Diagnosis, Verdict, diagnose
 from cruise.validation.foretold import CHANCE
+from cruise.validation.search import Judged
 from cruise.validation.study import Study, study
 from cruise.validation.tried import ALIKE, LEAST_GAIN, LOOSE, MUCH, Tried, enough
 from tests.validation.driving import GRAVITY_MPS2, drive, wander
@@ -129,17 +130,21 @@ def test_what_stands_in_for_an_effect_that_nobody_listed_is_seen_by_what_a_curve
 def test_a_curve_beside_what_was_found_must_take_as_much_as_a_further_effect(dead_zone):
     last, before = dead_zone.steps[-1], dead_zone.steps[-2].before
     curve = replace(next(one for one in last.tried if one.name.startswith(UNNAMED)), gain=0.3, evidence=100.0)
-    less = replace(last.before, raw=last.before.raw - 0.05 * before.raw)
 
-    def word(**how) -> Tried | None:
-        one = replace(curve, **({"judged": less, "sureness": 3.0, "credit": 1.0} | how))
-        return selection._left_over(dead_zone.steps[0], replace(last, tried=(one,)), before)[0]
+    def left(share: float) -> Judged:
+        return replace(last.before, raw=last.before.raw + share * before.raw)
+
+    def word(beside: Judged = last.before, **how) -> Tried | None:
+        one = replace(curve, **({"judged": left(-0.05), "sureness": 3.0, "credit": 1.0} | how))
+        return selection._left_over(dead_zone.steps[0], replace(last, before=beside, tried=(one,)), before)[0]
 
     assert word() is not None
     assert word(credit=0.9) is None, "the drive itself moves it"
     assert word(evidence=selection.FURTHER - 1.0) is None
     assert word(gain=0.2) is None
-    assert word(judged=replace(last.before, raw=last.before.raw - 0.03 * before.raw)) is None
+    assert word(judged=left(-0.03)) is None
+    assert word(left(0.5), judged=left(0.2)) is not None
+    assert word(left(0.5), judged=left(0.3)) is None, "others take as much of it"
     assert selection._left_over(dead_zone.steps[0], last, before) == (None, 0.0)
 
 
@@ -153,8 +158,8 @@ def test_far_above_the_noise_is_unlisted_with_what_was_found_too(grade):
         last = replace(grade.final, raw=size * grade.final.raw)
         return replace(found_so, final=last)
 
-    assert untold(left(0.3)) == pytest.approx(np.sqrt(0.3 * grade.base.loss / noise) / LEAST_UNTOLD)
-    assert untold(left(0.14)) == 0.0, "a wrong form leaves as much"
+    assert untold(left(0.6)) == pytest.approx(np.sqrt(0.6 * grade.base.loss / noise) / LEAST_UNTOLD)
+    assert untold(left(0.4)) == 0.0, "a wrong form may leave as much"
 
 
 @EVERY

@@ -20,6 +20,7 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
+from cruise.grid import SAME_STEP, between, sensible_step, snapped, typical_step
 from cruise.sampling import FloatArray, Kind, kind_of, means, stale_after
 from cruise.signals import INPUT, OUTPUT, SIGNALS
 
@@ -27,9 +28,6 @@ TIME: Final = "time_s"
 MIN_SAMPLES: Final = 10  # fewer cannot hold even the shortest model's past and a 3 s horizon at 5 Hz
 MAX_SAMPLES: Final = 5_000_000  # 14 h at 100 Hz, 40 MB a signal
 COARSER: Final = 1.2  # grid step over data step from which samples are means; below it nothing much can alias
-SAME_STEP: Final = 1e-3  # relative; steps that differ less are one step, written with few digits
-ROUNDING: Final = 1e-6  # of a grid step; what number formats do to time stamps over a whole file
-NEAR_STEP: Final = 0.02  # relative; a clock and jitter of this size hide the rate that was meant
 EARLY: Final = 0.1  # of a grid step: a held value stamped this little late is taken as in time; DART jitters by 0.095
 MAX_STEP_S: Final = 3.0  # no prediction that is judged 3 s ahead can be made from rarer readings
 MAX_GAP_NOTES: Final = 5
@@ -176,7 +174,7 @@ def arranged(
         raise RecordingError(
             f"{source}: {few} has {len(measured[few])} readings, too few; a recording needs {MIN_SAMPLES} at least"
         )
-    return _on_grid(max(measured.values(), key=_typical_step), signals, dt_s, source, tuple(said))
+    return _on_grid(max(measured.values(), key=typical_step), signals, dt_s, source, tuple(said))
 
 
 def _rising(name: str, readings: Readings, notes: list[str]) -> Readings:
@@ -312,7 +310,7 @@ def _usable_rows(
         notes.append(f"{len(timed) - len(kept)} rows repeat the time of the next one, left out")
     if len(kept) < MIN_SAMPLES:
         raise RecordingError(f"{source}: {len(kept)} usable rows are too few; a recording needs {MIN_SAMPLES} at least")
-    step_s = _typical_step(time_s[kept])
+    step_s = typical_step(time_s[kept])
     if step_s > MAX_STEP_S:
         raise RecordingError(
             f"{source}: one row every {step_s:.4g} s is too few to see a drive move; times in ms get a scale in the "
@@ -338,8 +336,8 @@ def _on_grid(
 ) -> Recording:
     if dt_s is not None and not 0.0 < dt_s < math.inf:
         raise RecordingError(f"{source}: a sampling period of {dt_s} s is impossible; give one above 0, such as 0.05")
-    data_step_s = _typical_step(base_s)
-    dt_s = dt_s or _sensible_step(base_s, data_step_s)
+    data_step_s = typical_step(base_s)
+    dt_s = dt_s or sensible_step(base_s, data_step_s)
     averaged = dt_s > COARSER * data_step_s
     start_s, end_s = float(base_s[0]), float(base_s[-1])
     count = math.floor((end_s - start_s) / dt_s + SAME_STEP) + 1
@@ -364,64 +362,21 @@ def _on_grid(
                 )
             gridded[name] = np.full(len(grid_s), np.nan)
             continue
-        times, known = _snapped(readings.time_s[measured], start_s, dt_s), readings.values[measured]
-        step_s, kind = _typical_step(times), kind_of(name)
+        times, known = snapped(readings.time_s[measured], start_s, dt_s), readings.values[measured]
+        step_s, kind = typical_step(times), kind_of(name)
         if averaged:
             gridded[name] = means(times, known, grid_s, dt_s, kind, stale_after(step_s))
         elif dt_s > COARSER * step_s and kind is not Kind.STATE:
             # Faster than input and output, which are taken at the instant: a mean around it, or they don't align.
             gridded[name] = means(times, known, grid_s + 0.5 * dt_s, dt_s, kind, stale_after(step_s))
         else:
-            gridded[name] = _between(times, known, grid_s, EARLY * dt_s, kind, stale_after(step_s))
+            gridded[name] = between(times, known, grid_s, EARLY * dt_s, kind, stale_after(step_s))
     return Recording(grid_s, gridded, dt_s, source, notes, base_s)
-
-
-def _snapped(time_s: FloatArray, start_s: float, dt_s: float) -> FloatArray:
-    """Return the times with those on the grid that number formats put just before or behind it."""
-    nearest_s = start_s + dt_s * np.rint((time_s - start_s) / dt_s)
-    rounding_s = ROUNDING * dt_s + 4.0 * np.spacing(np.max(np.abs(time_s)))
-    return np.where(np.abs(time_s - nearest_s) <= rounding_s, nearest_s, time_s)
-
-
-def _between(
-    time_s: FloatArray, values: FloatArray, grid_s: FloatArray, early_s: float, kind: Kind, stale_s: float
-) -> FloatArray:
-    """Return the values (M,) at `grid_s` of one signal measured at `time_s` (N,): linear or held, NaN in gaps."""
-    early_s = 0.0 if kind is Kind.CONTINUOUS else early_s
-    index = np.searchsorted(time_s, grid_s + early_s, side="right") - 1
-    last, follower = np.maximum(index, 0), np.minimum(index + 1, len(time_s) - 1)
-    age_s, span_s = grid_s - time_s[last], time_s[follower] - time_s[last]
-    if kind is Kind.CONTINUOUS:
-        rise = (values[follower] - values[last]) * age_s / np.where(span_s > 0.0, span_s, 1.0)
-        in_gap = (span_s > stale_s) & (age_s > 0.0)
-        result = values[last] + rise
-    else:
-        in_gap = np.zeros(len(grid_s), dtype=bool)
-        result = values[last]
-    return np.where(in_gap | (index < 0) | (age_s > stale_s), np.nan, result)
-
-
-def _typical_step(time_s: FloatArray) -> float:
-    """Return the mean step in s without gaps: unlike the median it sees through time stamps of few digits."""
-    steps = np.diff(time_s)
-    return float(np.mean(steps[steps <= 1.5 * np.median(steps)])) if len(steps) else 0.0
-
-
-def _sensible_step(time_s: FloatArray, step_s: float) -> float:
-    """Return `step_s` where all steps equal it, else one digit of it or a whole number of Hz where that is near."""
-    if np.all(np.abs(np.diff(time_s) - step_s) <= SAME_STEP * step_s):
-        shorter = (float(f"{step_s:.{digits}g}") for digits in (3, 6, 9, 12))
-        drift_free = 0.5 * ROUNDING * step_s / len(time_s)
-        return next((short_s for short_s in shorter if abs(short_s - step_s) <= drift_free), step_s)
-    for round_s in (float(f"{step_s:.1g}"), 1.0 / max(round(1.0 / step_s), 1)):
-        if abs(round_s - step_s) <= NEAR_STEP * step_s:
-            return round_s
-    return float(f"{step_s:.2g}")
 
 
 def _gap_notes(name: str, time_s: FloatArray) -> list[str]:
     steps = np.diff(time_s)
-    gaps = np.flatnonzero(steps > stale_after(_typical_step(time_s)))
+    gaps = np.flatnonzero(steps > stale_after(typical_step(time_s)))
     notes = [f"{name}: gap of {steps[at]:.3g} s at t={time_s[at]:.10g} s" for at in gaps[:MAX_GAP_NOTES]]
     return notes + [f"{name}: {len(gaps) - MAX_GAP_NOTES} gaps more"] * (len(gaps) > MAX_GAP_NOTES)
 

@@ -14,6 +14,7 @@ ROWS = (
     "signals",
     "settings",
     "sampling",
+    "grid",
     "recording",
     "csv_file",
     "effects",

@@ -6,8 +6,8 @@ from typing import Final
 
 import numpy as np
 
-from cruise.effects import EFFECTS
-from cruise.signals import OUTPUT
+from cruise.effects import EFFECTS, Stage
+from cruise.signals import INPUT, OUTPUT
 from cruise.validation.candidates import MEDIATORS, UNNAMED, Refused, candidates, unnamed, without
 from cruise.validation.search import Judged
 from cruise.validation.study import Study
@@ -27,6 +27,7 @@ from cruise.validation.tried import (
     tried_in,
 )
 from cruise.validation.trying import Show, tried_beside
+from cruise.validation.unnamed import SPEED
 
 FURTHER: Final = 75.0  # evidence from which a further effect is one, as no form of the first is exact,
 LEAST_FURTHER: Final = 0.25  # likewise, of the present loss,
@@ -111,7 +112,7 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
         return Selected(tuple(steps), (), shows.judged, tuple(refused))
     curve, margin = _curve(steps[0], together(steps[0], present, chosen) if chosen else 0.0, present.loss)
     if curve is None and chosen and steps[-1].before is present:
-        curve, margin = _left_over(steps[0], steps[-1], steps[-2].before)
+        curve, margin = _left_over(chosen, steps[0], steps[-1], steps[-2].before)
     if curve is not None:
         return Selected(tuple(steps), (curve.name,), curve.judged, tuple(refused), margin)
     return Selected(tuple(steps), tuple(chosen), present, tuple(refused))
@@ -177,14 +178,19 @@ def _curve(first: Step, chosen: float, left: float) -> tuple[Tried | None, float
     return (None, 0.0) if max(taken, default=0.0) >= SAME_SIGNAL else (best, margin)
 
 
-def _left_over(first: Step, last: Step, before: Judged) -> tuple[Tried | None, float]:
-    """The curve that shows the effects to be substitutes: it takes as much of what they leave as a further effect.
+def _left_over(chosen: Sequence[str], first: Step, last: Step, before: Judged) -> tuple[Tried | None, float]:
+    """The curve that shows effects to be substitutes: it takes as much of what they leave as a further effect.
 
-    It comes beside them, or alone where that leaves hardly more. The right form leaves nothing to a curve; the wrong
-    form of a right effect leaves a little to everybody, a substitute leaves it to the signal that matters. What the
+    It comes beside them, or alone where that leaves hardly more. No form is exact: what an effect leaves to its own
+    signals, or all of them to everybody, may be its own; what they leave to another signal is not theirs. What the
     drive itself moves has no say, as soil that nobody recorded shows there, too. `before` is without the last effect.
     """
-    curves = [one for one in last.tried if one.name.startswith(UNNAMED) and one.credit == 1.0]
+    known = {signal for name in chosen for signal in _acts_through(name)}
+    curves = [
+        one
+        for one in last.tried
+        if one.name.startswith(UNNAMED) and one.credit == 1.0 and one.name.removeprefix(UNNAMED) not in known
+    ]
     best = max(curves, key=counted, default=None)
     if best is None or not _further(best, last.before, before):
         return None, 0.0
@@ -194,6 +200,13 @@ def _left_over(first: Step, last: Step, before: Judged) -> tuple[Tried | None, f
     alone = tried_in(first, best.name)
     kept = alone if alone is not None and alone.judged.loss < LOOSE * best.judged.loss else best
     return kept, best.counted - asked(best.gain)
+
+
+def _acts_through(name: str) -> frozenset[str]:
+    """The signals that an effect of the table reads, the current and the model's speed among them."""
+    kind = EFFECTS[name]
+    signals = {INPUT} if kind.stage in (Stage.COMMAND, Stage.DYNAMICS) else set()
+    return frozenset({*signals, *kind.needs} | ({SPEED} if kind.reads_speed or OUTPUT in kind.needs else set()))
 
 
 def together(first: Step, one: Judged, names: Sequence[str]) -> float:

@@ -33,12 +33,13 @@ Show = Callable[[str], None]
 class Effort(NamedTuple):
     """How many candidates are fitted with care, those that are best after a few steps; the others are far off."""
 
-    finished: int  # carried to their end
+    finished: int  # effects that are carried to their end,
+    curves: int  # and dependences without physics
     restarted: int  # effects that are fitted once more, from another core and from all starts
 
 
-THOROUGH: Final = Effort(10, 4)
-QUICK: Final = Effort(5, 0)  # beside the mediator, where the model is not taken from
+THOROUGH: Final = Effort(8, 4, 4)
+QUICK: Final = Effort(4, 2, 0)  # beside the mediator, where the model is not taken from
 
 
 def tried_beside(
@@ -154,11 +155,13 @@ def _fitted(
     for one, begun in zip(everyone, side_by_side(partial(search.begun, present.explanation), everyone), strict=True):
         show(f"tried {_in_words(one.name)}{beside}")
         fits.append(min(begun, known.get(one.name, begun), key=lambda fit: fit.cost))
-    best = np.argsort([one.cost for one in fits])[: effort.finished].tolist()
+    ranked = sorted(range(len(fits)), key=lambda i: fits[i].cost)
+    curves = [i for i in ranked if everyone[i].name.startswith(UNNAMED)]
+    effects = [i for i in ranked if i not in curves]
+    best = [*effects[: effort.finished], *curves[: effort.curves]]
     for i, finished in zip(best, side_by_side(search.finished, [fits[i] for i in best]), strict=True):
         show(f"finished {_in_words(everyone[i].name)}")
         fits[i] = finished
-    effects = [i for i, one in enumerate(everyone) if not one.name.startswith(UNNAMED)]
     best = sorted(effects, key=lambda i: fits[i].cost)[: effort.restarted]
     again = partial(_from_elsewhere, search, present)
     for i, one in zip(best, side_by_side(again, [(everyone[i], fits[i]) for i in best]), strict=True):

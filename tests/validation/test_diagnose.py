@@ -134,18 +134,21 @@ def test_a_curve_beside_what_was_found_must_take_as_much_as_a_further_effect(dea
     def left(share: float) -> Judged:
         return replace(last.before, raw=last.before.raw + share * before.raw)
 
-    def word(beside: Judged = last.before, **how) -> Tried | None:
+    def word(beside: Judged = last.before, chosen: tuple[str, ...] = ("grade",), **how) -> Tried | None:
         one = replace(curve, **({"judged": left(-0.05), "sureness": 3.0, "credit": 1.0} | how))
-        return selection._left_over(dead_zone.steps[0], replace(last, before=beside, tried=(one,)), before)[0]
+        return selection._left_over(chosen, dead_zone.steps[0], replace(last, before=beside, tried=(one,)), before)[0]
 
     assert word() is not None
     assert word(credit=0.9) is None, "the drive itself moves it"
+    assert word(name=f"{UNNAMED}pitch_deg") is None, "it is the effect's own"
+    for name, own in (("dead_zone", "pump_current_ma"), ("coulomb_friction", "speed_mps")):
+        assert word(chosen=(name,), name=f"{UNNAMED}{own}") is None
     assert word(evidence=selection.FURTHER - 1.0) is None
     assert word(gain=0.2) is None
     assert word(judged=left(-0.03)) is None
     assert word(left(0.5), judged=left(0.2)) is not None
     assert word(left(0.5), judged=left(0.3)) is None, "others take as much of it"
-    assert selection._left_over(dead_zone.steps[0], last, before) == (None, 0.0)
+    assert selection._left_over(dead_zone.effects, dead_zone.steps[0], last, before) == (None, 0.0)
 
 
 def test_far_above_the_noise_is_unlisted_with_what_was_found_too(grade):

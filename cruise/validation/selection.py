@@ -8,6 +8,7 @@ import numpy as np
 
 from cruise.effects import EFFECTS, Stage
 from cruise.signals import INPUT, OUTPUT
+from cruise.validation.background import DYNAMICS
 from cruise.validation.candidates import MEDIATORS, UNNAMED, Refused, candidates, unnamed, without
 from cruise.validation.search import Judged
 from cruise.validation.study import Study
@@ -32,6 +33,7 @@ from cruise.validation.unnamed import SPEED
 FURTHER: Final = 75.0  # evidence from which a further effect is one, as no form of the first is exact,
 LEAST_FURTHER: Final = 0.25  # likewise, of the present loss,
 LEAST_SHARE: Final = 0.04  # and of the loss before the effect that was found last, whose form may be as wrong;
+LEAST_DYNAMIC: Final = 0.25  # the same share for two that change the dynamics, where no core's form is exact, either;
 PLAINLY: Final = (12.0, 0.3, 0.1)  # or evidence times gain, where it takes more of both: no wrong form leaves so much
 LEAST_CURVED: Final = 0.45  # of the loss, that a free curve must explain to have the word
 CURVED: Final = (60.0, 0.05)  # evidence, and share of it, by which a free curve must exceed all effects
@@ -88,7 +90,8 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
         if step.unrecorded and not chosen:
             break
         named = [one for one in step.tried if not one.name.startswith(UNNAMED)]
-        worthy = [one for one in named if (_further(one, present, steps[-2].before) if chosen else enough(one))]
+        before = steps[-2].before if chosen else present
+        worthy = [one for one in named if (_further(one, present, before, chosen) if chosen else enough(one))]
         if not worthy:
             pair = _pair(study, step, rng, show) if not chosen else None
             if pair is None:
@@ -118,9 +121,11 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
     return Selected(tuple(steps), tuple(chosen), present, tuple(refused))
 
 
-def _further(one: Tried, present: Judged, before: Judged) -> bool:
-    """Whether it is more than a wrong form of the effect that was added last; `before` is without that one."""
+def _further(one: Tried, present: Judged, before: Judged, chosen: Sequence[str]) -> bool:
+    """Whether it is more than a wrong form of what is there; `before` is without the effect that was added last."""
     brings = present.loss - one.judged.loss
+    if one.name in DYNAMICS and not DYNAMICS.isdisjoint(chosen) and brings < LEAST_DYNAMIC * before.loss:
+        return False
     evidence, gain, share = PLAINLY
     if one.gain >= gain and one.sureness >= SURE and brings >= share * before.loss:
         return one.counted * one.gain >= evidence
@@ -192,7 +197,7 @@ def _left_over(chosen: Sequence[str], first: Step, last: Step, before: Judged) -
         if one.name.startswith(UNNAMED) and one.credit == 1.0 and one.name.removeprefix(UNNAMED) not in known
     ]
     best = max(curves, key=counted, default=None)
-    if best is None or not _further(best, last.before, before):
+    if best is None or not _further(best, last.before, before, chosen):
         return None, 0.0
     left = last.before.loss - last.background.noise
     if last.before.loss - best.judged.loss < MOST_OF_IT * left:

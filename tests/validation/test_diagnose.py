@@ -151,6 +151,21 @@ def test_a_curve_beside_what_was_found_must_take_as_much_as_a_further_effect(dea
     assert selection._left_over(dead_zone.effects, dead_zone.steps[0], last, before) == (None, 0.0)
 
 
+def test_a_second_effect_of_the_dynamics_must_take_more_than_a_wrong_form_leaves(dead_zone):
+    before = dead_zone.steps[-2].before
+    present = replace(before, raw=0.5 * before.raw)
+
+    def further(left: float, *chosen: str) -> bool:
+        one = replace(dead_zone.steps[-1].tried[0], name="active_braking", gain=0.4, evidence=500.0, sureness=5.0)
+        return selection._further(
+            replace(one, credit=1.0, judged=replace(before, raw=left * before.raw)), present, before, chosen
+        )
+
+    assert further(0.3, "dead_zone")
+    assert not further(0.3, "dead_zone", "rate_limit")
+    assert further(0.2, "rate_limit")
+
+
 def test_far_above_the_noise_is_unlisted_with_what_was_found_too(grade):
     found_so = selection.Selected(grade.steps, grade.effects, grade.final, ())
     assert untold(found_so) < 0.5

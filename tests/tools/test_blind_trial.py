@@ -56,12 +56,12 @@ def test_nothing_is_missing_from_a_short_drive_without_an_effect(monkeypatch):
 
 
 def test_the_experiments_that_an_ambiguous_verdict_names_resolve_it():
-    """A dead zone of 102 mA, driven as an operator drives: dry friction leaves no larger an error."""
-    known = [Point(tier="field", effect="dead_zone", seed=200, size=101.5, ratio=4.0)]
-    asked = Task(tier="field", kind="single", effects=("dead_zone",), size="large", seed=200)
+    """A speed droop, driven as an operator drives: a curved characteristic leaves no larger an error."""
+    known = [Point(tier="field", effect="speed_droop", seed=1110, size=0.376, ratio=2.0)]
+    asked = Task(tier="field", kind="single", effects=("speed_droop",), size="medium", seed=1110)
     held = run.hold(asked, known)
-    assert (held.line.verdict, set(held.line.effects)) == ("ambiguous", {"dead_zone", "coulomb_friction"})
-    assert held.line.resolved == ("dead_zone",)
+    assert (held.line.verdict, set(held.line.effects)) == ("ambiguous", {"speed_droop", "quadratic_gain"})
+    assert held.line.resolved == ("speed_droop",)
     assert held.line.right
 
 

@@ -29,7 +29,7 @@ def sentence(found: Diagnosis) -> str:
             after = _error(found.final)
             return (
                 f"{names} {'is' if one else 'are'} missing: with {'it' if one else 'them'} the error {horizon} falls "
-                f"from {before} to {after} m/s on data that the fit has not seen {sure}."
+                f"from {before} to {after} m/s on data that the fit has not seen {sure}.{_beside(found)}"
             )
         case Verdict.NOTHING:
             share = hidden_share(found)
@@ -42,10 +42,12 @@ def sentence(found: Diagnosis) -> str:
             rival = f"; the best effect, `{best.name}`, leaves {_error(best.judged)}" if best else ""
             if found.untold:
                 noise = figure(math.sqrt(found.steps[0].background.noise))
+                partly = found.steps[0].taken
+                explained = "known effects explain less than half of that" if partly else "no known effect explains it"
                 return (
                     f"Something is missing that nobody recorded: the error {horizon}, {before} m/s, is far above the "
-                    f"noise of {noise} m/s, no known effect explains it for sure, and nothing that is recorded "
-                    f"foretells it{rival} {sure}."
+                    f"noise of {noise} m/s, {explained} for sure, and nothing that is recorded foretells it{rival} "
+                    f"{sure}."
                 )
             if not found.explained:
                 by = f"most of it by {_all(found.signals)}" if found.signals else "by no one signal"
@@ -61,19 +63,26 @@ def sentence(found: Diagnosis) -> str:
                     f"from {before} to {_error(found.final)} m/s on data that the fit has not seen, and nothing else "
                     f"that is recorded foretells it{rival} {sure}."
                 )
-            known = [one for one in evidence.members(found.final.explanation) if not one.startswith(UNNAMED)]
-            new = [one for one in known if one not in evidence.members(found.base.explanation)]
-            beside = f", beside {_all(new)}," if new else ""
             return (
                 f"Something is missing that is none of the effects that cruise knows: a free curve of "
-                f"{_all(found.signals)}{beside} lowers the error {horizon} from {before} to "
+                f"{_all(found.signals)} lowers the error {horizon} from {before} to "
                 f"{_error(found.final)} m/s on data that the fit has not seen{rival} {sure}."
             )
     trials = [evidence.first_tried(found, name) for name in found.effects]
     after = " or ".join(_error(one.judged) for one in trials if one is not None)
     return (
         f"{_all(found.effects, 'or')} is missing, and these recordings can't tell which: the error {horizon} falls "
-        f"from {before} to {after} m/s on data that the fit has not seen {sure}."
+        f"from {before} to {after} m/s on data that the fit has not seen {sure}.{_beside(found)}"
+    )
+
+
+def _beside(found: Diagnosis) -> str:
+    """What else is missing beside effects that are needed."""
+    if not found.beside:
+        return ""
+    return (
+        f" Beside {'it' if len(found.effects) == 1 else 'them'} something is missing that is none of the effects that "
+        f"cruise knows: most of what is left depends on {found.beside}."
     )
 
 

@@ -14,7 +14,8 @@ from cruise.validation.tried import BEYOND_DOUBT, ENOUGH, LEAST_GAIN, asked, ste
 LEAST_FORETOLD: Final = 0.15  # of the first loss, that the catch-all must foretell for something to be missing,
 LEAST_BESIDE: Final = 0.25  # and of what the named effects explain, for them to be no more than substitutes
 LEAST_UNTOLD: Final = 4.5  # RMS of the error over the noise, from which no soil explains it where nothing foretells it
-MOST_LEFT: Final = 0.5  # of the first loss: with less that is left, it may be the wrong form of what was found
+MOST_LEFT: Final = 0.5  # of what could be explained: with less, it may be the wrong form of what was found,
+ABOVE: Final = 4.0  # loss over the noise, likewise
 CURVES: Final[Mapping[str, tuple[float, float]]] = {
     "nothing": (4.0, 1.31),
     "measured": (3.0, 1.3),
@@ -38,10 +39,16 @@ def excess(hidden: Foretold, base: Judged, final: Judged) -> float:
 
 
 def untold(found: Selected) -> float:
-    """RMS of an error that nothing explains or foretells, over what it may be where nothing more is missing."""
-    if found.final.loss < MOST_LEFT * found.steps[0].before.loss:
-        return 0.0
-    return math.sqrt(found.final.loss / found.steps[-1].background.noise) / LEAST_UNTOLD
+    """How much of an error nothing explains or foretells, over what it may be where nothing more is missing.
+
+    Without effects that is its RMS over the noise; beside effects what they leave of all that could be explained,
+    (L - s^2) / (L_0 - s^2), L loss, s^2 noise: what takes less of it than it leaves is not what is missing.
+    """
+    loss, noise = found.final.loss, found.steps[-1].background.noise
+    if not found.chosen:
+        return math.sqrt(loss / noise) / LEAST_UNTOLD
+    left = (loss - noise) / max(found.steps[0].before.loss - noise, noise)
+    return min(max(left, 0.0) / MOST_LEFT, loss / noise / ABOVE)
 
 
 def answer_of(verdict: str, effects: Sequence[str]) -> str:

@@ -69,6 +69,7 @@ class Diagnosis:
     base: Judged
     final: Judged  # with the effects that were chosen, an unnamed dependence too
     hidden: Foretold  # what the catch-all still finds beside them
+    beside: str  # signal on which much of what the effects leave depends, in a way that none describes; or empty
     refused: tuple[Refused, ...]
     study: Study
 
@@ -140,6 +141,7 @@ def diagnose(study: Study, show: Show = lambda text: None) -> Diagnosis:
         base=base,
         final=final,
         hidden=hidden,
+        beside=found.beside if effects else "",
         refused=found.refused,
         study=study,
     )

@@ -10,6 +10,7 @@ from cruise.effects import EFFECTS, Stage
 from cruise.signals import INPUT, OUTPUT
 from cruise.validation.background import DYNAMICS
 from cruise.validation.candidates import MEDIATORS, UNNAMED, Refused, candidates, unnamed, without
+from cruise.validation.mediator import MEDIATED
 from cruise.validation.search import Judged
 from cruise.validation.study import Study
 from cruise.validation.tried import (
@@ -57,6 +58,7 @@ class Selected:
     final: Judged
     refused: tuple[Refused, ...]
     curve_margin: float = 0.0  # evidence, or what stands for it, by which the curve has the word
+    beside: str = ""  # signal of a curve that takes as much as a further effect, where the effects are needed beside it
 
     @property
     def curved(self) -> bool:
@@ -74,7 +76,7 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
 
     A curve without physics has the word in the end where there is much more evidence for it than for all effects
     together, or as much and it leaves far less of the error, never where it leaves more than they do; or where it takes
-    as much of what they leave as a further effect would have to.
+    as much of what they leave as a further effect would have to, and they are superfluous beside it.
     """
     search, present = study.search, study.base
     steps: list[Step] = []
@@ -114,11 +116,17 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
         shows = next(one for one in steps[0].tried if one.name == steps[0].unrecorded)
         return Selected(tuple(steps), (), shows.judged, tuple(refused))
     curve, margin = _curve(steps[0], together(steps[0], present, chosen) if chosen else 0.0, present.loss)
+    beside = ""
     if curve is None and chosen and steps[-1].before is present:
-        curve, margin = _left_over(chosen, steps[0], steps[-1], steps[-2].before)
+        more = _left_over(chosen, steps[-1], steps[-2].before)
+        alone = tried_in(steps[0], more.name) if more is not None else None
+        if more is not None and alone is not None and alone.judged.loss < LOOSE * more.judged.loss:
+            curve, margin = alone, more.counted - asked(more.gain)
+        elif more is not None:
+            beside = more.name.removeprefix(UNNAMED)
     if curve is not None:
         return Selected(tuple(steps), (curve.name,), curve.judged, tuple(refused), margin)
-    return Selected(tuple(steps), tuple(chosen), present, tuple(refused))
+    return Selected(tuple(steps), tuple(chosen), present, tuple(refused), beside=beside)
 
 
 def _further(one: Tried, present: Judged, before: Judged, chosen: Sequence[str]) -> bool:
@@ -162,14 +170,19 @@ def _pair(study: Study, alone: Step, rng: np.random.Generator, show: Show) -> _P
 def _curve(first: Step, chosen: float, left: float) -> tuple[Tried | None, float]:
     """The curve without physics that has the word, if one has, and by which margin.
 
-    `chosen` is the evidence for the effects together, `left` the loss that they leave.
+    `chosen` is the evidence for the effects together, `left` the loss that they leave. Soil that nobody recorded, which
+    every field has, shows in what the drive itself moves: such a curve has to leave as little as `MEDIATED` asks of it.
     """
     curves = [one for one in first.tried if one.name.startswith(UNNAMED)]
     named = [one for one in first.tried if not one.name.startswith(UNNAMED)]
     best = max((one for one in curves if one.gain >= LEAST_CURVED), key=counted, default=None)
+    if best is None or not enough(best):
+        return None, 0.0
+    if best.credit < 1.0:
+        left *= MEDIATED
     if first.forces is not None:
         left = CLEARLY * min(one.compared.loss for one in named)
-    if best is None or best.compared.loss >= left or not enough(best):
+    if best.compared.loss >= left:
         return None, 0.0
     effects = max([chosen, *(one.counted for one in named if one.gain >= LEAST_GAIN)])
     margin = best.counted - CURVED[0] - CURVED[1] * best.counted - effects
@@ -183,12 +196,13 @@ def _curve(first: Step, chosen: float, left: float) -> tuple[Tried | None, float
     return (None, 0.0) if max(taken, default=0.0) >= SAME_SIGNAL else (best, margin)
 
 
-def _left_over(chosen: Sequence[str], first: Step, last: Step, before: Judged) -> tuple[Tried | None, float]:
-    """The curve that shows effects to be substitutes: it takes as much of what they leave as a further effect.
+def _left_over(chosen: Sequence[str], last: Step, before: Judged) -> Tried | None:
+    """The curve that takes as much of what the effects leave as a further effect would have to, and most of it.
 
-    It comes beside them, or alone where that leaves hardly more. No form is exact: what an effect leaves to its own
-    signals, or all of them to everybody, may be its own; what they leave to another signal is not theirs. What the
-    drive itself moves has no say, as soil that nobody recorded shows there, too. `before` is without the last effect.
+    No form is exact: what an effect leaves to its own signals, or all of them to everybody, may be its own; what they
+    leave to another signal is not theirs. What the drive itself moves has no say, as soil that nobody recorded shows
+    there, too. Where the curve does as well alone, they were its substitutes; else they are needed, and something else
+    is missing as well. `before` is without the last effect.
     """
     known = {signal for name in chosen for signal in _acts_through(name)}
     curves = [
@@ -198,13 +212,9 @@ def _left_over(chosen: Sequence[str], first: Step, last: Step, before: Judged) -
     ]
     best = max(curves, key=counted, default=None)
     if best is None or not _further(best, last.before, before, chosen):
-        return None, 0.0
+        return None
     left = last.before.loss - last.background.noise
-    if last.before.loss - best.judged.loss < MOST_OF_IT * left:
-        return None, 0.0
-    alone = tried_in(first, best.name)
-    kept = alone if alone is not None and alone.judged.loss < LOOSE * best.judged.loss else best
-    return kept, best.counted - asked(best.gain)
+    return best if last.before.loss - best.judged.loss >= MOST_OF_IT * left else None
 
 
 def _acts_through(name: str) -> frozenset[str]:

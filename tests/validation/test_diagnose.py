@@ -1,5 +1,6 @@
 """The diagnosis names what was hidden in a drive, says nothing of nothing, and says the same when it is asked again."""
 
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -112,6 +113,9 @@ def test_a_curve_that_leaves_far_less_error_has_the_word_with_as_much_evidence(u
     assert selection._curve(more, 0.0, curve.judged.loss / 0.1) == (None, 0.0), "there is more evidence for an effect"
     assert selection._curve(first, 0.0, 1.1 * curve.judged.loss)[0] is curve, "much more evidence than for all effects"
     assert selection._curve(first, 0.0, 0.9 * curve.judged.loss) == (None, 0.0), "and yet they leave less"
+    moved = replace(first, tried=(replace(curve, credit=0.9), rival))
+    assert selection._curve(moved, 0.0, 3.4 * curve.judged.loss)[0] is not None
+    assert selection._curve(moved, 0.0, 3.2 * curve.judged.loss) == (None, 0.0), "soil that nobody recorded shows there"
 
 
 def test_what_stands_in_for_an_effect_that_nobody_listed_is_seen_by_what_a_curve_takes_beside_it():
@@ -120,11 +124,14 @@ def test_what_stands_in_for_an_effect_that_nobody_listed_is_seen_by_what_a_curve
     assert one.steps[0].taken == "coulomb_friction"
     assert (one.verdict, one.effects, one.signals) == (Verdict.UNLISTED, (), ("pump_current_ma",))
     assert "a free curve of `pump_current_ma` lowers the error" in sentence(one), "alone it leaves hardly more"
-    both = one.steps[1].tried[0]
-    assert one.final.loss < LOOSE * both.judged.loss
-    assert "a free curve of `pump_current_ma`, beside `coulomb_friction`, lowers" in sentence(
-        replace(one, final=both.judged)
-    )
+    assert one.final.loss < LOOSE * one.steps[1].tried[0].judged.loss
+
+
+def test_what_depends_on_another_signal_beside_an_effect_that_is_needed_does_not_take_its_name():
+    one = found(command=lambda u: np.maximum(u - 500.0, 0.0), load_mps=0.1 * np.cos((HEADER - 300.0) / 60.0))
+    assert (one.verdict, one.effects, one.signals) == (Verdict.MISSING, ("dead_zone",), ())
+    assert one.beside == "header_height_mm"
+    assert "most of what is left depends on header_height_mm" in sentence(one)
 
 
 def test_a_curve_beside_what_was_found_must_take_as_much_as_a_further_effect(dead_zone):
@@ -136,7 +143,7 @@ def test_a_curve_beside_what_was_found_must_take_as_much_as_a_further_effect(dea
 
     def word(beside: Judged = last.before, chosen: tuple[str, ...] = ("grade",), **how) -> Tried | None:
         one = replace(curve, **({"judged": left(-0.05), "sureness": 3.0, "credit": 1.0} | how))
-        return selection._left_over(chosen, dead_zone.steps[0], replace(last, before=beside, tried=(one,)), before)[0]
+        return selection._left_over(chosen, replace(last, before=beside, tried=(one,)), before)
 
     assert word() is not None
     assert word(credit=0.9) is None, "the drive itself moves it"
@@ -148,7 +155,7 @@ def test_a_curve_beside_what_was_found_must_take_as_much_as_a_further_effect(dea
     assert word(judged=left(-0.03)) is None
     assert word(left(0.5), judged=left(0.2)) is not None
     assert word(left(0.5), judged=left(0.3)) is None, "others take as much of it"
-    assert selection._left_over(dead_zone.effects, dead_zone.steps[0], last, before) == (None, 0.0)
+    assert selection._left_over(dead_zone.effects, last, before) is None
 
 
 def test_a_second_effect_of_the_dynamics_must_take_more_than_a_wrong_form_leaves(dead_zone):
@@ -166,18 +173,21 @@ def test_a_second_effect_of_the_dynamics_must_take_more_than_a_wrong_form_leaves
     assert further(0.2, "rate_limit")
 
 
-def test_far_above_the_noise_is_unlisted_with_what_was_found_too(grade):
-    found_so = selection.Selected(grade.steps, grade.effects, grade.final, ())
-    assert untold(found_so) < 0.5
-    noise = grade.steps[-1].background.noise
+def test_an_effect_that_leaves_more_of_what_could_be_explained_than_it_takes_is_not_what_is_missing(grade):
+    last = grade.steps[-1]
 
-    def left(share: float) -> selection.Selected:
-        size = share * grade.base.loss / grade.final.loss
-        last = replace(grade.final, raw=size * grade.final.raw)
-        return replace(found_so, final=last)
+    def found_so(left: float, noise: float) -> selection.Selected:
+        """It leaves so much of the first loss, where noise is so much of it."""
+        background = copy(last.background)
+        background.noise = noise * grade.base.loss
+        final = replace(grade.final, raw=left * grade.base.loss / grade.final.loss * grade.final.raw)
+        return selection.Selected((*grade.steps[:-1], replace(last, background=background)), grade.effects, final, ())
 
-    assert untold(left(0.6)) == pytest.approx(np.sqrt(0.6 * grade.base.loss / noise) / LEAST_UNTOLD)
-    assert untold(left(0.4)) == 0.0, "a wrong form may leave as much"
+    assert untold(selection.Selected(grade.steps, grade.effects, grade.final, ())) < 0.2
+    assert untold(found_so(0.65, 0.1)) > 1.0
+    assert untold(found_so(0.5, 0.1)) < 1.0
+    assert untold(found_so(0.65, 0.4)) < 1.0, "most of that is noise"
+    assert untold(replace(found_so(0.65, 0.1), chosen=())) == pytest.approx(np.sqrt(0.65 / 0.1) / LEAST_UNTOLD)
 
 
 @EVERY

@@ -336,8 +336,9 @@ def test_confidence_rises_with_the_margin_towards_one(answer):
 
 
 def test_several_effects_at_once_are_another_answer_than_one():
-    answers = [answer_of(Verdict.MISSING, names) for names in (("grade",), ("dead_zone",), ("grade", "dead_zone"))]
-    assert answers == ["measured", "inferred", "several"]
+    named = ("grade",), ("dead_zone",), ("wheel_slip",), ("grade", "dead_zone")
+    answers = [answer_of(Verdict.MISSING, names) for names in named]
+    assert answers == ["measured", "inferred", "smooth", "several"]
     assert {answer_of(verdict, ()) for verdict in set(Verdict) - {Verdict.MISSING}} | set(answers) == set(CURVES)
 
 

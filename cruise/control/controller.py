@@ -10,6 +10,7 @@ slope of the ground, which a pitch sensor doesn't show while the machine acceler
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Annotated
@@ -27,6 +28,7 @@ from cruise.control.reference import Reference, ReferenceSettings
 from cruise.control.shaping import CommandShaper
 from cruise.control.slope import SlopeObserver
 from cruise.control.trend import Trend
+from cruise.control.width import BelievedWidth
 from cruise.effects import Effect
 from cruise.effects.grade import Grade
 from cruise.model.model import Model, ModelState
@@ -106,7 +108,13 @@ class Controller:
         self.engaged = False
         self.limited = ""
         self._sent_ma = 0.0
+        self.width = BelievedWidth(model)
         self._drive_with(model)
+
+    @property
+    def model(self) -> Model:
+        """What it drives with: the adopted model at the rate of the frames, with the width that is believed."""
+        return self.width.model
 
     @property
     def upset(self) -> bool:
@@ -152,7 +160,8 @@ class Controller:
 
     def _drive_with(self, model: Model) -> None:
         self.adopted = model
-        self.model = fast = at_period(replace(model, effects=tuple(map(_on_the_ground, model.effects))), self.frame_s)
+        fast = at_period(replace(model, effects=tuple(map(_on_the_ground, model.effects))), self.frame_s)
+        self.width.adopt(fast)
         (self._pole,), b, *_ = fast.split(fast.theta)
         self._gain = fast.dc_gain_mps_per_ma
         self._share = np.array(b) / sum(b)
@@ -173,10 +182,10 @@ class Controller:
     def _steady_mps(self) -> float:
         """The steady speed that drive and loads as felt now give by the model."""
         assert self.state is not None
-        return self._felt_mps(self.state) + self._load_mps(self.state)
+        return self._felt_mps(self.state, self.state.drives) + self._load_mps(self.state)
 
-    def _felt_mps(self, state: ModelState) -> float:
-        return self._gain * state.gain * float(self._share.dot(state.drives[self.model.delay :]))
+    def _felt_mps(self, state: ModelState, drives_ma: Sequence[float] | np.ndarray) -> float:
+        return self._gain * state.gain * float(self._share.dot(drives_ma[self.model.delay :]))
 
     def _load_mps(self, state: ModelState) -> float:
         a, _, loads, c_0 = self.model.split(self.model.theta)
@@ -198,6 +207,7 @@ class Controller:
         if self.state is None:
             self.state = model.start(sample.speed_mps, sample.current_ma, sample.signals)
             self.observer.reset(sample.speed_mps)
+            self.width.restart()
             self.trend.restart()
             if self.slope is not None:
                 self.slope.restart()
@@ -211,8 +221,10 @@ class Controller:
         self.pole = 1.0 - state.pace * (1.0 - self._pole)
         load_mps = self._load_mps(state)
         self.trend.step(state.gain, load_mps)
-        self.observer.step(self.pole, self._felt_mps(state) + load_mps, sample.speed_mps, self.pace)
-        self.state = model.observe(state, self.observer.speed_mps)
+        self.width.step(self.state, state, sample.current_ma, signals)
+        steady_mps, width_mps = (self._felt_mps(state, drives) for drives in (state.drives, self.width.drives_ma))
+        self.observer.step(self.pole, steady_mps + load_mps, sample.speed_mps, self.pace, width_mps)
+        self.state = self.width.believe(self.observer.width_share, model.observe(state, self.observer.speed_mps))
         self.current_ma = sample.current_ma
 
     def _take_over(self) -> None:

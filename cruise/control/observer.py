@@ -5,6 +5,7 @@
     q' = r,   r' = -omega^2 q - 2 zeta omega r + noise,   measured: y_k + r_k + noise
     d_k = d_(k|k-1) + c_k K_d e_k,   c_k = 1 / (1 + (s'_k / R)^2)
     ln p_k = exp(-T / tau) ln p_(k-1) + (1 - c_k) K_p e_k,   |ln p| <= 2 kappa |ln alpha|
+    h_k = 1 + exp(-T / tau_h) (h_(k-1) - 1) + K_h (e_k - <e>),   x <- x + dx/dh (h_k - h_(k-1)),   0 <= h <= 1
 
 y speed in m/s, A pole of the vehicle over a frame and alpha the pace by which a gear slows it down, s steady speed in
 m/s that drive and loads give by the model, d disturbance in m/s of steady speed, r ripple in m/s that the sensor shows
@@ -26,6 +27,15 @@ p; but p (s + d - y) is the same for a slow drive with much of a disturbance as 
 the model errs the two wound each other up without end. So an innovation is shared: what comes while the drive moves is
 its pace, what comes at rest a disturbance, and x follows by its own filter (recursive prediction errors: L. Ljung,
 "Asymptotic behavior of the extended Kalman filter as a parameter estimator for linear systems", IEEE TAC 24 (1979)).
+
+h is the share of its hysteresis' width that the model is believed (`width.py`). A band that is too wide makes the
+machine go too far at every turn of the current, so that e takes the sign of the turn, as dx / dh from a third filter
+does. K_h is again a Kalman filter's, to which an innovation is 1 / c_k times as uncertain while the drive moves: then
+most of it is something else. Here x moves along, for h is bounded, and nothing else has that pattern but what made the
+current turn, a hill that still comes. It stands in e before the turn as after it: so what of e has lasted, <e>, is
+left out, and of what dx / dh shows of itself in e alike. The width is the machine's: it is kept for long, and when the
+filter begins anew. It is never believed to be more than the model's: a band that is too narrow costs little, one that
+is too wide swings.
 """
 
 import math
@@ -54,8 +64,11 @@ class ObserverSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
     brisk_s: Positive = 0.5  # s over which the rate is seen
     pace_share: Positive = 0.25  # kappa: fourth gear is slowed to a seventh, give or take a factor of 1.6
     pace_s: Positive = 5.0  # tau, s: a stroke is kept for about as long
+    width_share: Positive = 0.5  # one standard deviation of h: a width that is learned in the field errs by as much
+    width_s: Positive = 1800.0  # tau_h, s: what makes a width, oil and wear, changes more slowly
 
 
+LASTING_S: Final = 2.0  # s after which an innovation has lasted: a turn is over, a hill is not
 SEEN: Final = np.array([1.0, 0.0, 0.0, 1.0])  # the speed sensor shows y + r
 
 
@@ -69,9 +82,10 @@ class Filter:
 
 
 class DisturbanceObserver:
-    """`speed_mps`, `disturbance_mps`, `ripple`, `steady_mps`, `log_pace`, its variance and `moved` are all its state.
+    """`speed_mps`, `disturbance_mps`, `ripple`, `steady_mps` and what it learns are all its state.
 
-    `innovation_mps` is what the last frame did not fit by.
+    That is `log_pace` and `width_share`, each with its variance and the derivative of the rest by it, `moved` and
+    `turned`, and what `lasts`. `innovation_mps` is what the last frame did not fit by.
     """
 
     def __init__(self, frame_s: float, settings: ObserverSettings) -> None:
@@ -80,16 +94,20 @@ class DisturbanceObserver:
         self.calm = 1.0  # share of what is seen that the drive has not moved itself
         self._rate_share = -math.expm1(-frame_s / settings.brisk_s)
         self._kept_share = math.exp(-frame_s / settings.pace_s)
+        self._width_kept = math.exp(-frame_s / settings.width_s)
+        self._lasting_share = -math.expm1(-frame_s / LASTING_S)
+        self.width_share, self.width_variance = 1.0, settings.width_share**2
         self._filters: dict[tuple[float, float], Filter] = {}
         self.reset(0.0)
 
     def reset(self, speed_mps: float) -> None:
-        """Begin at a measured speed, with nothing known beside it."""
+        """Begin at a measured speed, with nothing known beside it but the width."""
         self.speed_mps, self.disturbance_mps, self.innovation_mps = speed_mps, 0.0, 0.0
         self.steady_mps = math.nan  # s through a lag of brisk_s
         self.ripple = np.zeros(2)  # q and r
         self.log_pace, self.log_pace_variance = 0.0, 0.0
-        self.moved = np.zeros(4)  # dx / d ln p
+        self.moved, self.turned = np.zeros(4), np.zeros(4)  # dx / d ln p, dx / dh
+        self.lasts = 0.0, 0.0  # of e and of what of it h shows, in m/s
         self._keep()
 
     @property
@@ -101,33 +119,36 @@ class DisturbanceObserver:
         """That of the drive as it is now, for the one that the model gives the gear."""
         return 1.0 - min(math.exp(self.log_pace) * (1.0 - pole), 1.0)
 
-    def step(self, pole: float, steady_mps: float, speed_mps: float, pace: float = 1.0) -> float:
+    def step(
+        self, pole: float, steady_mps: float, speed_mps: float, pace: float = 1.0, width_mps: float = 0.0
+    ) -> float:
         """One frame on: predict with the model, correct with the measured speed; returns the innovation in m/s.
 
-        A state that was upset stays so.
+        `width_mps` is by how much the width of the hysteresis moves the steady speed, ds / dh. A state that was upset
+        stays so.
         """
         upset = self.upset
         found = self._filters.get((pole, pace))
         if found is None:
             found = self._filters[pole, pace] = self.filter(pole, pace)
-        share, swing = 1.0 - self.pole(pole), found.moves[2:, 2:]
-        ahead_mps = share * (steady_mps + self.disturbance_mps - self.speed_mps)
-        x = np.array([self.speed_mps + ahead_mps, self.disturbance_mps, *(swing @ self.ripple)])
-        speed, disturbance, *ripple = self.moved
-        moved = np.array([speed + ahead_mps + share * (disturbance - speed), disturbance, *(swing @ ripple)])
-        self.innovation_mps = float(speed_mps - SEEN @ x)
+        share, moves = 1.0 - self.pole(pole), found.moves.copy()
+        moves[0, :2] = 1.0 - share, share
+        ahead_mps = steady_mps + self.disturbance_mps - self.speed_mps
+        states = np.array([(self.speed_mps, self.disturbance_mps, *self.ripple), self.moved, self.turned]) @ moves.T
+        states[:, 0] += share * np.array((steady_mps, ahead_mps, width_mps))
+        seen, by_pace, by_width = (states @ SEEN).tolist()
+        self.innovation_mps = speed_mps - seen
         self.calm = 1.0 / (1.0 + (self._rate_mps2(steady_mps) / self.settings.brisk_mps2) ** 2)
-        gain = found.gain * (1.0, self.calm, 1.0, 1.0)
-        shown = float(SEEN @ moved)
-        self.moved = moved - gain * shown
-        x += gain * self.innovation_mps
-        self._learn(shown, found.variance, pace)
+        states += np.outer((self.innovation_mps, -by_pace, -by_width), found.gain * (1.0, self.calm, 1.0, 1.0))
+        x, self.moved, self.turned = states
+        self._learn_pace(by_pace, found.variance, pace)
+        x = x + self.turned * self._learn_width(by_width, found.variance)
         self.speed_mps, self.disturbance_mps, self.ripple = float(x[0]), float(x[1]), x[2:]
         if not upset:
             self._keep()
         return self.innovation_mps
 
-    def _learn(self, shown: float, variance_mps2: float, pace: float) -> None:
+    def _learn_pace(self, shown: float, variance_mps2: float, pace: float) -> None:
         """ln p one frame on, by what of the innovation, of this variance where p is known, shows it so much."""
         std = self.settings.pace_share * abs(math.log(pace))
         kept = self._kept_share
@@ -136,6 +157,20 @@ class DisturbanceObserver:
         found = kept * self.log_pace + gain * self.innovation_mps
         self.log_pace = min(max(found, -2.0 * std), 2.0 * std)
         self.log_pace_variance = variance * (1.0 - gain * shown)
+
+    def _learn_width(self, shown: float, variance_mps2: float) -> float:
+        """h one frame on; by how much it changed."""
+        kept_mps, kept_shown = self.lasts
+        share = self._lasting_share
+        self.lasts = kept_mps + share * (self.innovation_mps - kept_mps), kept_shown + share * (shown - kept_shown)
+        innovation_mps, shown = self.innovation_mps - self.lasts[0], shown - self.lasts[1]
+        kept = self._width_kept
+        variance = kept**2 * self.width_variance + (1.0 - kept**2) * self.settings.width_share**2
+        gain = variance * shown / (variance_mps2 / self.calm**2 + variance * shown**2)
+        before, found = self.width_share, 1.0 + kept * (self.width_share - 1.0) + gain * innovation_mps
+        self.width_share = min(max(found, 0.0), 1.0)
+        self.width_variance = variance * (1.0 - gain * shown)
+        return self.width_share - before
 
     def _rate_mps2(self, steady_mps: float) -> float:
         """How fast drive and loads move the steady speed, through a lag."""
@@ -169,7 +204,7 @@ class DisturbanceObserver:
             self._keep()
 
     def _state(self) -> tuple[float, ...]:
-        return self.speed_mps, self.disturbance_mps, self.log_pace, *self.ripple.tolist()
+        return self.speed_mps, self.disturbance_mps, self.log_pace, self.width_share, *self.ripple.tolist()
 
     def _keep(self) -> None:
         """Note the state a second time, as IEC 61508 asks for what safety depends on."""

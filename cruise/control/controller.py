@@ -121,6 +121,19 @@ class Controller:
         """Whether what is kept twice is no longer the same: nothing in the program did that."""
         return self.observer.upset or (self.engaged and self.limits.last_ma != self._sent_ma)
 
+    @property
+    def coming_mps2(self) -> float:
+        """The greatest acceleration that the currents on their way will cause by the model; no command can undo it."""
+        state, delay = self.state, self.model.delay
+        if state is None:
+            return math.nan
+        pole, speed_mps, found = self.observer.pole(self.pole), self.observer.speed_mps, 0.0
+        load_mps = self._load_mps(state) + self.observer.disturbance_mps
+        for drive_ma in np.correlate(state.drives[: delay + len(self._share)], self._share)[::-1].tolist():
+            step_mps = (1.0 - pole) * (self._gain * state.gain * drive_ma + load_mps - speed_mps)
+            speed_mps, found = speed_mps + step_mps, max(found, abs(step_mps))
+        return found / self.frame_s
+
     def adopt(self, model: Model) -> None:
         """Drive with other parameters of the same structure from now on, without a bump."""
         before_mps = self._steady_mps() if self.state is not None else 0.0

@@ -3,11 +3,11 @@
     u = v + k c (w / 2) sat((v - x) / max(e, (1 - c) w / 2)),   v = v_w + z,   |z| <= c w / 2
     dz/dt = dead(v_w - f(u)) / tau,   dead(m) = m - min(max(m, -b), b)
 
-v_w wanted output in mA, f(u) the one that the model gives u, x where the play operator stands, w width of its band, c
-share of the current that it holds, b what is borne. The exact inverse, k = 1 and e -> 0, jumps by w where c = 1
-whenever the wish turns around, on noise too, and overshoots where the band of the machine is narrower than the
-model's. Half way in between the play is narrowed from w / 2 to e w / (2 e + k w) and the current stays continuous; k
-below 1 leaves a part of the band to the observer, for a width that is wrong. What the narrowed play lacks of a wish
+v_w wanted output in mA, f(u) the one that the model gives u, x where the play operator stands, w width of its band as
+far as it is believed (`width.py`), c share of the current that it holds, b what is borne. The exact inverse, k = 1 and
+e -> 0, jumps by w where c = 1 whenever the wish turns around, on noise too, and overshoots where the band of the
+machine is narrower than the model's. Half way in between the play is narrowed from w / 2 to e w / (2 e + k w) and the
+current stays continuous; k below 1 leaves a part of the band to the observer. What the narrowed play lacks of a wish
 that stays, 1 to 2 cm/s, is no disturbance, so that the observer never mends it: z sums it up, all but b. Without b the
 loop would wander from one edge to the other of a band that is not quite the model's. Source of the idea: G. Tao, P.
 Kokotovic, Adaptive Control of Systems with Actuator and Sensor Nonlinearities, 1996, ch. 4 (soft inverse of backlash).

@@ -19,6 +19,8 @@ import msgspec
 from cruise.settings import Positive, refuse_wide
 
 WINDOW_S: Final = 0.25  # s of commands with which the measured current is compared: time-out of the drive and a frame
+STILL_MA: Final = 8.0  # mA within that time: a command that moves by less shows the output stage's error as it is
+USUAL_S: Final = 5.0  # s, time constant of that error: temperature and voltage move it, and not at once
 SMOOTH_S: Final = 0.2  # s, time constant through which two speeds are compared
 RATE_S: Final = 0.1  # s over which a rate is taken
 JUMP_S: Final = 0.2  # s over which the model's errors are summed
@@ -31,6 +33,8 @@ class PlausibilitySettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unk
     """How far signals may differ before somebody lies."""
 
     current_ma: Positive = 40.0  # mA, regulator's error and noise: 3 % of the range
+    # mA by which that error may change at once: 3 % of a change of the current by 300 mA are 9
+    current_change_ma: Positive = 15.0
     speed_mps: Positive = 0.12  # m/s, noise and the radar's delay in a quick change
     speed_share: Positive = 0.04  # of the speed, scale of a radar: data sheets give 3..5 %
     slip_share: Positive = 0.15  # of the speed, more by which wheels may run ahead where no radar is there to tell
@@ -125,6 +129,8 @@ class Memory:
     frame_s: float
     textures: dict[str, Texture] = field(default_factory=lambda: {name: Texture() for name in TEXTURED})
     commands: deque[tuple[float, float]] = field(default_factory=deque)  # time and current, while the controller drives
+    error_ma: float = math.nan  # of the output stage, NaN while its command moves
+    usual_ma: float = math.nan  # the same over USUAL_S, also from earlier drives
     smooth: list[float] = field(default_factory=lambda: [math.nan] * 3)  # speed, wheel, radar
     past: deque[tuple[float, float, float]] = field(default_factory=deque)  # time, speed, engine speed
     unexpected: deque[float] = field(default_factory=deque)  # m/s, by frame
@@ -147,6 +153,17 @@ class Memory:
             self.commands.clear()
         while self.commands and seen.time_s - self.commands[0][0] > WINDOW_S + 1e-6:
             self.commands.popleft()
+        self._regulated(seen)
+
+    def _regulated(self, seen: Seen) -> None:
+        sent = [current_ma for _, current_ma in self.commands]
+        full = bool(sent) and seen.time_s - self.commands[0][0] > WINDOW_S - self.frame_s
+        still = full and max(sent) - min(sent) < STILL_MA
+        self.error_ma = seen.current_ma - sum(sent) / len(sent) if still else math.nan
+        if math.isfinite(self.error_ma):
+            known = math.isfinite(self.usual_ma)
+            share = 1.0 - math.exp(-self.frame_s / USUAL_S)
+            self.usual_ma = self.usual_ma + share * (self.error_ma - self.usual_ma) if known else self.error_ma
 
 
 def _current(seen: Seen, memory: Memory, settings: PlausibilitySettings) -> float:
@@ -154,6 +171,10 @@ def _current(seen: Seen, memory: Memory, settings: PlausibilitySettings) -> floa
     if len(sent) < 2:
         return math.nan
     return max(seen.current_ma - max(sent), min(sent) - seen.current_ma) / settings.current_ma
+
+
+def _regulation(seen: Seen, memory: Memory, settings: PlausibilitySettings) -> float:
+    return abs(memory.error_ma - memory.usual_ma) / settings.current_change_ma
 
 
 def _speeds(seen: Seen, memory: Memory, settings: PlausibilitySettings) -> float:
@@ -210,6 +231,7 @@ CHECKS: Final = (
           math.inf if seen.upset else 0.0, 0.0),
     Check("the program gets too little time", lambda seen, memory, settings: seen.pace / settings.pace, 0.0),
     Check("the current does not follow its command", _current, 0.1, True),
+    Check("the current has left its command", _regulation, 0.05, True),
     Check("the drive's speed is not that of wheel and ground", _speeds, 0.3),
     Check("the speed changes faster than tyres allow", lambda seen, memory, settings:
           _rate(memory, 1) / settings.accel_mps2, 0.1),

@@ -26,6 +26,7 @@ class EngagementSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unkno
     overspeed_mps: Positive = 0.2
     overspeed_spm: Positive = 0.05
     slowing_mps2: Positive = 0.2  # m/s2, a deceleration that every machine can follow, dead time and hill included
+    coming_mps2: Positive = 1.0  # m/s2 that is on its way to the wheels: more is beyond what the law may do or can undo
     shifts_under_way: bool = False  # a gearbox that changes gear under load; with others a changed gear is an exit
 
     def __post_init__(self) -> None:
@@ -59,6 +60,7 @@ class Situation:
     gear: float
     lever_pct: float
     speed_mps: float
+    coming_mps2: float  # acceleration that the current has caused already and that has not come yet
     requested_mps: float  # setpoint on the bus
     reference_mps: float  # what the controller follows now
     requested_experiment: int  # number that the panel asks for, 0: none
@@ -78,6 +80,7 @@ def against_engaging(now: Situation, settings: EngagementSettings) -> str:
             "brake or clutch is pressed": now.brake or now.clutch,
             "no gear is engaged": not now.gear > 0,
             "the machine is too slow or too fast": not low <= now.speed_mps <= high,
+            "the current was changed too quickly just now": now.coming_mps2 > settings.coming_mps2,
             "the setpoint is out of range": not low <= wanted <= high,
         }
     )

@@ -281,6 +281,7 @@ class CruiseNode:
             gear=self._value("gear", now_s),
             lever_pct=self._value("lever_pct", now_s),
             speed_mps=self._value(OUTPUT, now_s),
+            coming_mps2=0.0 if self.engagement.state.controls else self.controller.coming_mps2,
             requested_mps=self._value("setpoint_mps", now_s),
             reference_mps=self.controller.past_references[0],
             requested_experiment=0 if math.isnan(asked := self._value("requested_experiment", now_s)) else int(asked),

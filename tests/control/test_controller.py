@@ -258,6 +258,35 @@ def test_what_is_believed_of_the_width_outlives_an_adoption_and_a_signal_that_wa
     assert np.ptp(loop.speeds[-200:]) < 0.03
 
 
+@pytest.mark.parametrize("gear", [1, 2])
+def test_what_is_on_its_way_comes_in_its_order(gear):
+    """A current that rose slowly, all of it within the dead time: its end at once would be three times that."""
+    loop = Loop(Machine(gear=gear)).by_hand(700.0, 30.0)
+    for k in range(10):
+        loop.by_hand(700.0 + 10.0 * k, FRAME_S)
+    known_mps2, speeds = loop.controller.coming_mps2, [loop.machine.speed_mps]
+    for _ in range(12):
+        loop.by_hand(790.0, FRAME_S)
+        speeds.append(loop.machine.speed_mps)
+    assert known_mps2 == pytest.approx(np.diff(speeds).max() / FRAME_S, rel=0.3)
+
+
+@pytest.mark.parametrize("gear", RATIO)
+@pytest.mark.parametrize("change_ma", [200.0, -200.0])
+def test_it_knows_the_acceleration_that_is_on_its_way(change_ma, gear):
+    """A current that jumps by hand: what the machine then does was known before it began, and is over after it."""
+    loop = Loop(Machine(gear=gear)).by_hand(800.0, 30.0)
+    assert loop.controller.coming_mps2 < 0.02
+    loop.by_hand(800.0 + change_ma, 0.5)
+    known_mps2, before_mps = loop.controller.coming_mps2, loop.machine.speed_mps
+    speeds = [before_mps]
+    for _ in range(200):
+        loop.by_hand(800.0 + change_ma, FRAME_S)
+        speeds.append(loop.machine.speed_mps)
+    assert known_mps2 == pytest.approx(abs(np.diff(speeds[:13])).max() / FRAME_S, rel=0.5)
+    assert loop.controller.coming_mps2 < 0.1
+
+
 def test_a_step_of_load_is_taken_up():
     loop = Loop(Machine()).by_hand(700.0, 20.0).engaged(1.3, 20.0)
     loop.machine.load_mps -= 0.1

@@ -59,7 +59,11 @@ LIES: dict[str, tuple[Lie, float]] = {
     "frames of a message come damaged or out of order": (lambda seen, s: replace(seen, faulty_share=0.6), 0.0),
     "a message has a second sender": (lambda seen, s: replace(seen, crowding=1.7), 0.0),
     "the program gets too little time": (lambda seen, s: replace(seen, pace=1.6), 0.0),
-    "the current does not follow its command": (lambda seen, s: replace(seen, current_ma=845.0), 0.1),
+    "the current does not follow its command": (
+        lambda seen, s: replace(seen, commanded_ma=800.0 + 100.0 * s, current_ma=845.0 + 100.0 * s),
+        0.1,
+    ),
+    "the current has left its command": (lambda seen, s: replace(seen, current_ma=820.0), 0.05),
     "the drive's speed is not that of wheel and ground": (
         lambda seen, s: replace(seen, speed_mps=1.5 - 0.4 * min(s, 1.0)),
         1.3,
@@ -105,6 +109,10 @@ HARMLESS: dict[str, Lie] = {
     "the command moves at its greatest rate and the current a frame later": lambda seen, s: replace(
         seen, commanded_ma=800.0 + 600.0 * min(s, 0.5), current_ma=800.0 + 600.0 * min(max(s - FRAME_S, 0.0), 0.5)
     ),
+    "an output stage that gives 3 % more, as always, at another current": lambda seen, s: replace(
+        seen, commanded_ma=800.0 - min(200.0 * s, 300.0), current_ma=800.0 - 1.03 * min(200.0 * s, 300.0)
+    ),
+    "an output stage that becomes warm": lambda seen, s: replace(seen, current_ma=800.0 + 2.5 * s),
     "wheels slip uphill": lambda seen, s: replace(seen, wheel_mps=1.8, radar_mps=1.5),
     "wheels slip, and there is no radar": lambda seen, s: replace(seen, wheel_mps=1.83, radar_mps=math.nan),
     "no other speed is there": lambda seen, s: replace(
@@ -142,3 +150,23 @@ def test_a_threshold_that_switches_its_check_off_is_refused():
     PlausibilitySettings(jump_mps=0.89)
     with pytest.raises(ValueError, match=r"jump_mps is 0.91, more than 3 times the default of 0.3"):
         PlausibilitySettings(jump_mps=0.91)
+
+
+def regulated(errors_ma, driving=lambda k: True):
+    """The first contradiction, and its frame, of an output stage whose error is this in each frame."""
+    plausibility = Plausibility(PlausibilitySettings(), FRAME_S)
+    for k, error_ma in enumerate(errors_ma):
+        commanded_ma = 800.0 if driving(k) else math.nan
+        seen = replace(TRUE, time_s=k * FRAME_S, commanded_ma=commanded_ma, current_ma=800.0 + error_ma)
+        if said := plausibility.step(seen):
+            return said, k
+    return "", -1
+
+
+def test_an_error_of_the_output_stage_that_was_always_there_is_its_own():
+    assert regulated([30.0] * 100) == ("", -1)
+
+
+def test_what_was_its_own_error_is_known_in_the_next_drive_too():
+    errors = [0.0] * 60 + [30.0] * 40
+    assert regulated(errors, lambda k: k < 40 or k >= 80) == ("the current has left its command", 85)

@@ -47,7 +47,7 @@ SELECTION = {  # fault, and what has to become of it; the seeds are such that it
     "command forged": "another node sends our messages",
     "speed zero": "",
     "speed stuck": "a sensor is frozen",
-    "current biased": "the current does not follow its command",
+    "current biased": "its command",
     "engine speed noisy": "a sensor is too noisy",
     "gear not available": "lost: gear",
     "clock steps back": "unhealthy",

@@ -71,7 +71,7 @@ class Seen:
     commanded_ma: float  # sent last, NaN while somebody else drives
     followed_mps: float  # reference or setpoint, whichever is less: ahead of a falling reference is not behind
     disturbance_mps: float  # in m/s of steady speed, what the model does not explain
-    innovation_mps: float  # of the frame's speed, what was not expected
+    unexpected_mps: float  # of the change of the speed in this frame, what no command explains
     alpha: float  # equation 12: 1 in the slow gears, less in those that a hill slows down more
     crowding: float  # the busiest message's frames in the last second over those before engaging
     faulty_share: float  # of the last frames of the worst protected message
@@ -144,7 +144,7 @@ class Memory:
         self.past.append((seen.time_s, seen.speed_mps, seen.engine_rpm))
         while seen.time_s - self.past[0][0] > RATE_S + 1e-6:
             self.past.popleft()
-        self.unexpected.append(seen.innovation_mps)
+        self.unexpected.append(seen.unexpected_mps)
         while len(self.unexpected) * self.frame_s > JUMP_S + 1e-6:
             self.unexpected.popleft()
         if math.isfinite(seen.commanded_ma):

@@ -247,7 +247,7 @@ class CruiseNode:
             commanded_ma=self.command.current_ma if controls else math.nan,
             followed_mps=min(controller.past_references[0], self.engagement.setpoint_mps) if controls else math.nan,
             disturbance_mps=controller.observer.disturbance_mps if controller.state is not None else math.nan,
-            innovation_mps=controller.observer.innovation_mps,
+            unexpected_mps=controller.observer.unexpected_mps,
             alpha=controller.state.pace if controller.state is not None else 1.0,
             crowding=self.hearing.crowding(frame.time_s),
             faulty_share=self.hearing.faulty_share,

@@ -324,3 +324,24 @@ def test_the_state_moves_along_with_the_width():
     assert abs(more) > 0.01
     found, expected = (np.array([one.speed_mps, one.disturbance_mps, *one.ripple]) for one in (observer, certain))
     np.testing.assert_allclose(found, expected + more * observer.turned)
+
+
+def test_what_was_not_expected_is_seen_when_it_comes_and_not_again():
+    """A jump of the speed, and a drive that gathers way without reason: innovations go on, as the filter is slow."""
+    observer = DisturbanceObserver(FRAME_S, ObserverSettings())
+    observer.reset(3.0)
+    seen = []
+    for shown in (3.0, 3.3, 3.3, 3.3, 3.3):
+        observer.step(HIGH_POLE, 3.0, shown, HIGH_PACE)
+        seen.append((observer.unexpected_mps, observer.innovation_mps))
+    assert seen[0] == (0.0, 0.0)
+    assert seen[1] == pytest.approx((0.3, 0.3))
+    assert abs(np.array(seen)[2:, 0]).max() < 0.02
+    observer.reset(3.0)
+    gathered = []
+    for k in range(12):
+        observer.step(HIGH_POLE, 3.0, 3.0 + 0.05 * k, HIGH_PACE)  # 1 m/s2
+        gathered.append((observer.unexpected_mps, observer.innovation_mps))
+    unexpected, innovations = np.array(gathered[-4:]).sum(axis=0)
+    assert unexpected == pytest.approx(0.2, abs=0.03), "within 0.2 s"
+    assert innovations > 0.3

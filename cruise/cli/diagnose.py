@@ -26,15 +26,21 @@ from cruise.cli.reading import (
     prepared_by,
     tables,
 )
+from cruise.identification.families import Linear
 from cruise.identification.named import model_named
+from cruise.identification.preparation import PreparationSettings
 from cruise.identification.regressors import FitError
+from cruise.identification.structures import Structure
 from cruise.model import files
+from cruise.recording import Recording
 from cruise.report import diagnosis_picture, evidence
 from cruise.report.diagnosis_figures import report
-from cruise.validation import ladder
+from cruise.validation import comparison, ladder
+from cruise.validation.diagnose import Verdict
 from cruise.validation.diagnose import diagnose as search
 
 UNFILTERED_HZ: Final = 0.0  # the search weighs frequencies itself
+COMPARED_HZ: Final = 1.0  # as `cruise compare` filters
 
 
 def diagnose(
@@ -57,7 +63,8 @@ def diagnose(
         raise FitError(
             f"{model}: a model without the current has nothing that an effect could act on; give nb=1 or more"
         )
-    core = files.read(model).core if start is not None else None
+    file = files.read(model) if start is not None else None
+    core = file.core if file is not None else None
     period_s = prepared_by(period, UNFILTERED_HZ, start).period_s
     above_zero("--horizon", horizon)
     wanted = picture if picture is not None or as_json else OUT / "diagnose.png"
@@ -68,7 +75,12 @@ def diagnose(
         begun = ladder.begin(native, structure, start, core, period_s, horizon, status.update, at_their_rate=True)
         found = search(begun, status.update)
         status.update("weighing the evidence")
-        said, floor = report(found, model, str(structure)), None
+        said, floor, own = report(found, model, str(structure)), None, None
+        if start is not None and file is not None and found.verdict is Verdict.NOTHING:
+            status.update("comparing with its own parameters")
+            given = comparison.of_parameters(structure.family, start, file.noise_parameters)
+            own = _own(structure, given, native, prepared_by(period, COMPARED_HZ, start), horizon)
+        said["own_parameters"] = own and {"error_mps": own.given_mps, "refitted_error_mps": own.refitted_mps}
         if wanted is not None:
             status.update("looking for the noise floor")
             floor = evidence.floor_of(found, native)
@@ -79,6 +91,18 @@ def diagnose(
         return
     options = {"--columns": columns, "--input": input_name, "--output": output_name, "--database": database}
     options |= {"--period": period, "--horizon": None if horizon == 3.0 else horizon}
-    given = [word for name, value in options.items() if value is not None for word in (name, str(value))]
+    words = [word for name, value in options.items() if value is not None for word in (name, str(value))]
     files_given = [shlex.quote(str(one)) for one in recordings]
-    diagnose_words.say(found, floor, model, files_given, [shlex.quote(word) for word in given], said["picture"])
+    diagnose_words.say(found, floor, model, files_given, [shlex.quote(word) for word in words], said["picture"], own)
+
+
+def _own(
+    structure: Structure, given: Linear, recordings: list[Recording], preparation: PreparationSettings, horizon_s: float
+) -> diagnose_words.Own | None:
+    """The errors of the model as its file has it and fitted to the recordings; None where it has none."""
+    try:
+        models = (structure, given), structure
+        errors = [comparison.compare(one, recordings, preparation, horizon_s).ahead.rmse_mps for one in models]
+    except FitError:
+        return None
+    return diagnose_words.Own(*errors)

@@ -4,6 +4,7 @@ import math
 import shlex
 import textwrap
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -41,16 +42,46 @@ LINES: Final = 8  # of the ranking; --json has them all
 RECORDINGS_SHOWN: Final = 4  # in a command; more are left to the user
 CURVE_SHOWN: Final = 5  # points of a curve
 NAME_WIDTH: Final = 18  # of the longest name of an effect
+STALE: Final = 1.3  # times the error of the refitted model, from which a file's own parameters are worth a word
+
+
+@dataclass(frozen=True, slots=True)
+class Own:
+    """RMS in m/s of a model with the parameters of its file, and with such as are fitted to the recordings."""
+
+    given_mps: float
+    refitted_mps: float
+
+    @property
+    def stale(self) -> bool:
+        """Whether its parameters are worth fitting anew."""
+        return self.given_mps > STALE * self.refitted_mps
 
 
 def say(
-    found: Diagnosis, floor: NoiseFloor, model: str, recordings: Sequence[str], options: Sequence[str], picture: str
+    found: Diagnosis,
+    floor: NoiseFloor,
+    model: str,
+    recordings: Sequence[str],
+    options: Sequence[str],
+    picture: str,
+    own: Own | None = None,
 ) -> None:
-    """Print everything, the verdict first. `recordings` and `options` are the words of the command line, quoted."""
+    """Print everything, the verdict first. `recordings` and `options` are the words of the command line, quoted.
+
+    `own` says how well the parameters of a model file fit where nothing is missing.
+    """
     console, study = Console(highlight=False, width=WIDTH), found.study
     _print(console, sentence(found), 0, bold=True)
     samples = sum(len(one) for one in study.recordings)
     _print(console, f"{model}, refitted; seed {SEED}", 0)
+    if own is not None and own.stale:
+        _print(
+            console,
+            f"as it is, it errs by {figure(own.given_mps)} m/s, and fitted to these recordings by "
+            f"{figure(own.refitted_mps)}: its parameters are wrong here, no effect is missing",
+            0,
+        )
     _print(console, f"{count_of(len(study.recordings), 'recording')}, {samples} samples of {study.period_s:g} s", 0)
     _print(console, f"noise floor {study.horizon_s:g} s ahead: {floor_in_words(floor)}", 0)
     notes = notes_of(study.recordings)
@@ -69,7 +100,7 @@ def say(
     _list(console, "look-alikes", look_alikes(found))
     _list(console, "next experiment", experiments(found))
     _list(console, "what these recordings can't speak of", [_refusal(one.effect, one.reason) for one in found.refused])
-    _list(console, "to go on", _commands(found, model, recordings, options))
+    _list(console, "to go on", _commands(found, model, recordings, options, own is not None and own.stale))
     console.print(f"\npicture: {picture}", markup=False, soft_wrap=True)
 
 
@@ -198,8 +229,13 @@ def _refusal(effect: str, reason: str) -> str:
     return f"`{effect}`: {why} - " + ("not excited, not absent" if "never moves" in why else "it can't be blamed")
 
 
-def _commands(found: Diagnosis, model: str, recordings: Sequence[str], options: Sequence[str]) -> list[str]:
-    """What adds the effects, one after the other; what asks again with the recording that decides between two."""
+def _commands(
+    found: Diagnosis, model: str, recordings: Sequence[str], options: Sequence[str], stale: bool
+) -> list[str]:
+    """What adds the effects, one after the other; what asks again with the recording that decides between two.
+
+    Where nothing is missing, what fits a stale model anew.
+    """
     files = " ".join(recordings if len(recordings) <= RECORDINGS_SHOWN else ["RECORDING..."])
     tail = "".join(f" {word}" for word in options)
     if found.verdict is Verdict.AMBIGUOUS:
@@ -209,7 +245,9 @@ def _commands(found: Diagnosis, model: str, recordings: Sequence[str], options: 
         out = "better.yaml" if i == 0 else f"better_{i + 1}.yaml"
         lines.append(f"cruise add {name} --model {base} {files}{tail} -o {out}")
         base = out
-    if lines:
+    if stale:
+        lines.append(f"cruise identify {files}{tail} --model {base} -o refitted.yaml")
+    elif lines:
         lines.append("add judges the discrete model that drives: its errors are a little other than these")
     return lines
 

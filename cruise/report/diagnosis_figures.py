@@ -31,10 +31,10 @@ def report(found: Diagnosis, model: str, structure: str) -> dict[str, Any]:
             }
             for one in found.ranking
         ],
-        "beside": found.beside or None,
         "look_alikes": [list(alike) for alike in found.look_alikes],
         "next_experiment": found.next_experiment,
         "confidence": _number(found.confidence),
+        "beside": found.beside or None,
         "error_before_mps": _number(evidence.error_mps(base)),
         "error_after_mps": _number(evidence.error_mps(final)),
         "foretold": {

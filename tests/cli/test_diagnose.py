@@ -219,6 +219,26 @@ def test_commands_can_be_copied_and_no_unit_is_no_dash(hills, capsys):
     assert "`gear_ratio`: gear never moves: it stays at 2 - not excited, not absent" in out
 
 
+def test_a_model_whose_own_parameters_are_wrong_lacks_no_effect_and_is_fitted_anew(verb, tmp_path):
+    late = drive(2, 0.0)
+    current = late.columns[INPUT]
+    early = replace(late, columns={**late.columns, INPUT: np.concatenate([current[:1].repeat(3), current[:-3]])})
+    write_csv(early, tmp_path / "drive.csv")  # as if the machine answered 0.3 s earlier
+    write_csv(late, tmp_path / "late.csv")
+    assert verb("identify", "drive.csv", "--model", MODEL, "-o", "known.yaml")[0] == 0
+    figures = {}
+    for name in ("drive", "late"):
+        code, out, _ = verb("diagnose", f"{name}.csv", "--model", "known.yaml", "--json")
+        assert code == 0
+        figures[name] = json.loads(out)
+    own = {name: one["own_parameters"] for name, one in figures.items()}
+    assert own["drive"]["error_mps"] < 1.1 * own["drive"]["refitted_error_mps"]
+    assert own["late"]["error_mps"] > diagnose_words.STALE * own["late"]["refitted_error_mps"]
+    _, out, _ = verb("diagnose", "late.csv", "--model", "known.yaml")
+    assert "its parameters are wrong here, no effect is missing" in " ".join(out.split())
+    assert "cruise identify late.csv --model known.yaml -o refitted.yaml" in out
+
+
 def test_a_rival_as_good_is_not_called_beaten(hills, capsys):
     first = hills.steps[0]
     grade, rival = [one for one in first.tried if not one.name.startswith("unnamed:")][:2]

@@ -1,5 +1,7 @@
 """Starts of a fit: what promises most to first order, what lies between, far apart from each other, not astray."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -73,3 +75,27 @@ def test_a_servo_that_takes_ten_seconds_for_its_stroke_is_found():
     assert isinstance(effect, RateLimit)
     assert effect.rate_ma_per_s == pytest.approx(60.0, rel=0.1)
     assert found.cost < 0.2 * base.cost
+
+
+def test_where_no_start_keeps_its_promise_the_weakest_is_tried(monkeypatch):
+    search = search_of(recorded(240.0))
+    base, real = search.fitted(START), search.fitted
+    tried = []
+
+    def astray(start, *how):
+        """Every fit with a dead zone above 60 mA ends nowhere."""
+        tried.append(start.effects[0].threshold_ma)
+        found = real(start, *how)
+        return replace(found, cost=1e3 * base.cost) if tried[-1] > 60.0 else found
+
+    starts = Starts(search.scene, search.plan(base.explanation))
+    promises = [
+        Promise(float(k), float(-k), with_effect(base.explanation, DeadZone(edge, 1.0)), True)
+        for k, edge in enumerate((800.0, 600.0, 400.0, 200.0, 50.0))
+    ]
+    monkeypatch.setattr(search, "_starts_beside", lambda explanation: starts)
+    monkeypatch.setattr(starts, "promising", lambda options: promises)
+    monkeypatch.setattr(search, "fitted", astray)
+    found = search.begun(base.explanation, EffectCandidate("dead_zone"))
+    assert tried == [800.0, 600.0, 400.0, 50.0]
+    assert found.cost < 2.0 * base.cost

@@ -27,7 +27,7 @@ CURVES: Final[Mapping[str, tuple[float, float]]] = {
 }
 """M and k of every kind of answer, by hand between those that `tools/blind_trial calibrate` fits to 120 drives of clean
 and field seed 21 and those that 175 drives of other seeds had given: each has 5 to 48 answers, few of them wrong."""
-SMOOTH: Final = frozenset({"coulomb_friction", "rolling_resistance", "quadratic_gain", "wheel_slip"})
+SMOOTH: Final = frozenset({"coulomb_friction", "rolling_resistance", "quadratic_gain", "wheel_slip", "sensor_bias"})
 """Effects without a threshold, a stop, a memory or a signal of their own: over the range that was driven many other
 effects bend much the same way, and they are what is named where such a one is in no table."""
 OWN: Final = frozenset({"engine_speed_rpm", "engine_load_pct", "gear", "oil_temperature_c", "pitch_deg"})

@@ -11,7 +11,7 @@ from cruise.signals import INPUT, OUTPUT
 from cruise.validation.background import DYNAMICS
 from cruise.validation.candidates import MEDIATORS, UNNAMED, Refused, candidates, unnamed, without
 from cruise.validation.mediator import MEDIATED
-from cruise.validation.search import Judged
+from cruise.validation.search import Judged, gain
 from cruise.validation.study import Study
 from cruise.validation.tried import (
     ENOUGH,
@@ -93,7 +93,7 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
             break
         named = [one for one in step.tried if not one.name.startswith(UNNAMED)]
         before = steps[-2].before if chosen else present
-        worthy = [one for one in named if (_further(one, present, before, chosen) if chosen else enough(one))]
+        worthy = [one for one in named if (_further(one, step, before, chosen) if chosen else enough(one))]
         if not worthy:
             pair = _pair(study, step, rng, show) if not chosen else None
             if pair is None:
@@ -129,15 +129,21 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
     return Selected(tuple(steps), tuple(chosen), present, tuple(refused), beside=beside)
 
 
-def _further(one: Tried, present: Judged, before: Judged, chosen: Sequence[str]) -> bool:
-    """Whether it is more than a wrong form of what is there; `before` is without the effect that was added last."""
-    brings = present.loss - one.judged.loss
+def _further(one: Tried, step: Step, before: Judged, chosen: Sequence[str]) -> bool:
+    """Whether it is more than a wrong form of what is there; `before` is without the effect that was added last.
+
+    Where every force is known, its share is that of what is left there: a force that is missing, too, hides no other.
+    """
+    brings = step.before.loss - one.judged.loss
+    share_of_it = one.gain if step.forces is None else max(one.gain, gain(step.forces, one.compared))
     if one.name in DYNAMICS and not DYNAMICS.isdisjoint(chosen) and brings < LEAST_DYNAMIC * before.loss:
         return False
-    evidence, gain, share = PLAINLY
-    if one.gain >= gain and one.sureness >= SURE and brings >= share * before.loss:
+    evidence, least, share = PLAINLY
+    if one.gain >= least and one.sureness >= SURE and brings >= share * before.loss:
         return one.counted * one.gain >= evidence
-    return enough(one) and one.counted >= FURTHER and one.gain >= LEAST_FURTHER and brings >= LEAST_SHARE * before.loss
+    return (
+        enough(one) and one.counted >= FURTHER and share_of_it >= LEAST_FURTHER and brings >= LEAST_SHARE * before.loss
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,7 +217,7 @@ def _left_over(chosen: Sequence[str], last: Step, before: Judged) -> Tried | Non
         if one.name.startswith(UNNAMED) and one.credit == 1.0 and one.name.removeprefix(UNNAMED) not in known
     ]
     best = max(curves, key=counted, default=None)
-    if best is None or not _further(best, last.before, before, chosen):
+    if best is None or not _further(best, last, before, chosen):
         return None
     left = last.before.loss - last.background.noise
     return best if last.before.loss - best.judged.loss >= MOST_OF_IT * left else None

@@ -160,17 +160,34 @@ def test_a_curve_beside_what_was_found_must_take_as_much_as_a_further_effect(dea
 
 def test_a_second_effect_of_the_dynamics_must_take_more_than_a_wrong_form_leaves(dead_zone):
     before = dead_zone.steps[-2].before
-    present = replace(before, raw=0.5 * before.raw)
+    last = replace(dead_zone.steps[-1], before=replace(before, raw=0.5 * before.raw))
 
     def further(left: float, *chosen: str) -> bool:
-        one = replace(dead_zone.steps[-1].tried[0], name="active_braking", gain=0.4, evidence=500.0, sureness=5.0)
+        one = replace(last.tried[0], name="active_braking", gain=0.4, evidence=500.0, sureness=5.0)
         return selection._further(
-            replace(one, credit=1.0, judged=replace(before, raw=left * before.raw)), present, before, chosen
+            replace(one, credit=1.0, judged=replace(before, raw=left * before.raw)), last, before, chosen
         )
 
     assert further(0.3, "dead_zone")
     assert not further(0.3, "dead_zone", "rate_limit")
     assert further(0.2, "rate_limit")
+
+
+def test_a_force_that_is_missing_too_does_not_hide_a_further_effect(grade):
+    """What it takes counts against what is left where every force is known, if that is more."""
+    before, last = grade.steps[-2].before, grade.steps[-1]
+
+    def left(share: float) -> Judged:
+        return replace(before, raw=share * before.raw, white=share * before.white)
+
+    def further(forces: Judged | None, beside: float) -> bool:
+        one = replace(last.tried[0], name="dead_zone", gain=0.2, evidence=500.0, sureness=5.0, credit=1.0)
+        one = replace(one, judged=left(0.4), compared=left(beside))
+        return selection._further(one, replace(last, before=left(0.5), forces=forces), before, ("grade",))
+
+    assert not further(None, 0.4)
+    assert further(left(0.3), 0.1)
+    assert not further(left(0.3), 0.28)
 
 
 def test_an_effect_that_leaves_more_of_what_could_be_explained_than_it_takes_is_not_what_is_missing(grade):

@@ -33,7 +33,7 @@ BEYOND: Final = 0.04  # of the present loss, that it must take away beyond the b
 TOLD_BESIDE: Final = 0.7  # of what it takes away beyond that foretold by what is recorded, it is a cause itself
 DIRECT: Final = 0.5  # of what it takes away: with more that a direct cause takes away in its place, it is none,
 NAMELESS: Final = 0.8  # or a curve without physics, where nothing else has been found
-TOLD: Final = 0.5  # of what it takes away: with less that is foretold, a force that nobody recorded acts there
+TOLD: Final = 0.35  # of what it takes away: with less that is foretold, a force that nobody recorded acts there
 
 
 class Through(Enum):

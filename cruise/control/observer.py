@@ -69,6 +69,7 @@ class ObserverSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
 
 
 LASTING_S: Final = 2.0  # s after which an innovation has lasted: a turn is over, a hill is not
+MOST_FILTERS: Final = 16  # kept: the gears of the model that drives, and of a few before it
 SEEN: Final = np.array([1.0, 0.0, 0.0, 1.0])  # the speed sensor shows y + r
 
 
@@ -134,6 +135,8 @@ class DisturbanceObserver:
         upset = self.upset
         found = self._filters.get((pole, pace))
         if found is None:
+            if len(self._filters) == MOST_FILTERS:
+                del self._filters[next(iter(self._filters))]
             found = self._filters[pole, pace] = self.filter(pole, pace)
         share, moves = 1.0 - self.pole(pole), found.moves.copy()
         moves[0, :2] = 1.0 - share, share

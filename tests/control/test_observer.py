@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag, expm, solve_discrete_are
 
-from cruise.control.observer import DisturbanceObserver, ObserverSettings
+from cruise.control.observer import MOST_FILTERS, DisturbanceObserver, ObserverSettings
 
 POLE, FRAME_S = 0.8, 0.05
 HIGH_POLE, HIGH_PACE = 0.97, 0.15  # fourth gear
@@ -345,3 +345,12 @@ def test_what_was_not_expected_is_seen_when_it_comes_and_not_again():
     unexpected, innovations = np.array(gathered[-4:]).sum(axis=0)
     assert unexpected == pytest.approx(0.2, abs=0.03), "within 0.2 s"
     assert innovations > 0.3
+
+
+def test_models_that_drove_before_leave_no_memory_behind():
+    observer = DisturbanceObserver(FRAME_S, ObserverSettings())
+    observer.reset(1.0)
+    for k in range(5 * MOST_FILTERS):
+        observer.step(0.9 + 1e-4 * k, 1.0, 1.0)
+    assert len(observer._filters) == MOST_FILTERS
+    assert (0.9 + 1e-4 * (5 * MOST_FILTERS - 1), 1.0) in observer._filters, "the oldest go first"

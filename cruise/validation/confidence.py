@@ -46,7 +46,7 @@ def untold(found: Selected) -> float:
     """How much of an error nothing explains or foretells, over what it may be where nothing more is missing.
 
     Without effects that is its RMS over the noise; beside effects what they leave of all that could be explained,
-    (L - s^2) / (L_0 - s^2), L loss, s^2 noise: what takes less of it than it leaves is not what is missing.
+    (L - s^2) / (L_0 - s^2), L loss, s^2 noise: what leaves most of it is not what is missing.
     """
     loss, noise = found.final.loss, found.steps[-1].background.noise
     if not found.chosen:

@@ -40,7 +40,6 @@ from cruise.validation.diagnose import Verdict
 from cruise.validation.diagnose import diagnose as search
 
 UNFILTERED_HZ: Final = 0.0  # the search weighs frequencies itself
-COMPARED_HZ: Final = 1.0  # as `cruise compare` filters
 
 
 def diagnose(
@@ -79,8 +78,8 @@ def diagnose(
         if start is not None and file is not None and found.verdict is Verdict.NOTHING:
             status.update("comparing with its own parameters")
             given = comparison.of_parameters(structure.family, start, file.noise_parameters)
-            own = _own(structure, given, native, prepared_by(period, COMPARED_HZ, start), horizon)
-        said["own_parameters"] = own and {"error_mps": own.given_mps, "refitted_error_mps": own.refitted_mps}
+            own = _own(structure, given, native, prepared_by(period, PreparationSettings().cutoff_hz, start), horizon)
+        said["own_parameters"] = own and own.figures
         if wanted is not None:
             status.update("looking for the noise floor")
             floor = evidence.floor_of(found, native)
@@ -98,11 +97,13 @@ def diagnose(
 
 def _own(
     structure: Structure, given: Linear, recordings: list[Recording], preparation: PreparationSettings, horizon_s: float
-) -> diagnose_words.Own | None:
-    """The errors of the model as its file has it and fitted to the recordings; None where it has none."""
+) -> diagnose_words.Own:
+    """The errors of the model as its file has it and fitted to the recordings, as `cruise compare` has them."""
     try:
-        models = (structure, given), structure
-        errors = [comparison.compare(one, recordings, preparation, horizon_s).ahead.rmse_mps for one in models]
-    except FitError:
-        return None
-    return diagnose_words.Own(*errors)
+        as_it_is, refitted = (
+            comparison.compare(one, recordings, preparation, horizon_s).ahead.rmse_mps
+            for one in ((structure, given), structure)
+        )
+    except FitError as error:
+        return diagnose_words.Own(refused=str(error))
+    return diagnose_words.Own(as_it_is, refitted)

@@ -49,8 +49,16 @@ STALE: Final = 1.3  # times the error of the refitted model, from which a file's
 class Own:
     """RMS in m/s of a model with the parameters of its file, and with such as are fitted to the recordings."""
 
-    given_mps: float
-    refitted_mps: float
+    given_mps: float = math.nan
+    refitted_mps: float = math.nan
+    refused: str = ""  # why there are none
+
+    @property
+    def figures(self) -> dict[str, float | str]:
+        """For JSON."""
+        if self.refused:
+            return {"refused": self.refused}
+        return {"error_mps": self.given_mps, "refitted_error_mps": self.refitted_mps}
 
     @property
     def stale(self) -> bool:
@@ -75,6 +83,8 @@ def say(
     _print(console, sentence(found), 0, bold=True)
     samples = sum(len(one) for one in study.recordings)
     _print(console, f"{model}, refitted; seed {SEED}", 0)
+    if own is not None and own.refused:
+        _print(console, f"how well its own parameters fit can't be said: {own.refused}", 0)
     if own is not None and own.stale:
         _print(
             console,

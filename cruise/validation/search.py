@@ -96,9 +96,7 @@ class Search:
             if len(fits) == MOST_STARTS or (gained and promise.left > NEARLY * options[0].left):
                 break
             fits.append(self.fitted(starts.nearest(promise.start), candidate.longest_delay_s, QUICK_STEPS))
-        if all(
-            one.cost > starts.before for one in fits
-        ):  # promises that are not kept: so weak that little can go wrong
+        if min(one.cost for one in fits) > starts.before:  # no promise was kept: so weak that little can go wrong
             weakest = min(options, key=lambda one: one.place)
             fits.append(self.fitted(starts.nearest(weakest.start), candidate.longest_delay_s, QUICK_STEPS))
         return min(fits, key=lambda one: one.cost)

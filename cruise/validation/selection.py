@@ -184,10 +184,10 @@ def _curve(first: Step, chosen: float, left: float) -> tuple[Tried | None, float
     best = max((one for one in curves if one.gain >= LEAST_CURVED), key=counted, default=None)
     if best is None or not enough(best):
         return None, 0.0
-    if best.credit < 1.0:
-        left *= MEDIATED
-    if first.forces is not None:
+    if first.forces is not None:  # soil, too
         left = CLEARLY * min(one.compared.loss for one in named)
+    elif best.credit < 1.0:
+        left *= MEDIATED
     if best.compared.loss >= left:
         return None, 0.0
     effects = max([chosen, *(one.counted for one in named if one.gain >= LEAST_GAIN)])

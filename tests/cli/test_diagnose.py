@@ -239,6 +239,14 @@ def test_a_model_whose_own_parameters_are_wrong_lacks_no_effect_and_is_fitted_an
     assert "cruise identify late.csv --model known.yaml -o refitted.yaml" in out
 
 
+def test_why_its_own_parameters_can_not_be_judged_is_said(flat, capsys):
+    own = diagnose_words.Own(refused="unstable predictor")
+    assert not own.stale
+    assert own.figures == {"refused": "unstable predictor"}
+    diagnose_words.say(flat, FLOOR, MODEL, ["drive.csv"], [], "p.png", own)
+    assert "how well its own parameters fit can't be said: unstable predictor" in capsys.readouterr().out
+
+
 def test_a_rival_as_good_is_not_called_beaten(hills, capsys):
     first = hills.steps[0]
     grade, rival = [one for one in first.tried if not one.name.startswith("unnamed:")][:2]

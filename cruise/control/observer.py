@@ -4,19 +4,27 @@
     y_(k+1) = y_k + p_k (1 - A) (s_k + d_k - y_k) + noise,   d_(k+1) = d_k + sqrt(alpha) noise
     q' = r,   r' = -omega^2 q - 2 zeta omega r + noise,   measured: y_k + r_k + noise
     d_k = d_(k|k-1) + c_k K_d e_k,   c_k = 1 / (1 + (s'_k / R)^2)
+    K = K_0 + w_k (K_1 - K_0),   w_k = 1 - min(1, V / m_k^2),   m_k = m_(k-1) + (T / tau_m) (c_k e_k - m_(k-1))
     ln p_k = exp(-T / tau) ln p_(k-1) + (1 - c_k) K_p e_k,   |ln p| <= 2 kappa |ln alpha|
     h_k = 1 + exp(-T / tau_h) (h_(k-1) - 1) + K_h (e_k - <e>),   x <- x + dx/dh (h_k - h_(k-1)),   0 <= h <= 1
 
 y speed in m/s, A pole of the vehicle over a frame and alpha the pace by which a gear slows it down, s steady speed in
 m/s that drive and loads give by the model, d disturbance in m/s of steady speed, r ripple in m/s that the sensor shows
 and the machine, heavy as it is, does not follow: lugs of the tyres, slack and swinging of the drive train (omega in
-rad/s, zeta damping, q its way in m), e innovation. A Kalman filter (filterpy) in its steady state: its gain is found
-once for each gear. Filtering a ripple where it is measured costs less than in the command: the way from the reference,
-and from what is fed forward, to the command stays as it is. While s changes at a rate s', a model that answers some
-hundredths of a second too early or late, or with a pole that is wrong, errs by that rate times its error in time: what
-doesn't fit is then no disturbance, and would be an overshoot if it were taken for one. With d in the prediction the
-controller has no steady-state error (Muske and Badgwell, "Disturbance modeling for offset-free linear model predictive
-control", J. Process Control 12 (2002)).
+rad/s, zeta damping, q its way in m), e innovation. A Kalman filter (filterpy) in its steady state: its gain, K_0, is
+found once for each gear. Filtering a ripple where it is measured costs less than in the command: the way from the
+reference, and from what is fed forward, to the command stays as it is. While s changes at a rate s', a model that
+answers some hundredths of a second too early or late, or with a pole that is wrong, errs by that rate times its error
+in time: what doesn't fit is then no disturbance, and would be an overshoot if it were taken for one. With d in the
+prediction the controller has no steady-state error (Muske and Badgwell, "Disturbance modeling for offset-free linear
+model predictive control", J. Process Control 12 (2002)).
+
+A hill takes 1/alpha as much of the steady speed as in a slow gear and comes as quickly, but so quick a filter would
+leave fourth gear no margins (1.6 and 40 degrees), and take for a hill whatever the model has wrong at a step of the
+reference. K_1 is that of noise over sqrt(alpha) instead of times it (1.9 and 50 degrees; 2.3 and 62 in a slow gear). As
+much of it counts as what lasts of the innovations, m, is more than chance, of variance V: the noise is as great as the
+innovations show (D. H. Zhou and P. M. Frank, "Strong tracking filtering of nonlinear time-varying stochastic systems
+with coloured noise", Int. J. Control 65 (1996)).
 
 p is the pace of the drive over the one that equation 12 gives the gear. The time constant of a hydrostatic drive is the
 mass times its compliance, leakage and a pump that the pressure destrokes: i^2 (a + b stroke) in a gear of ratio i,
@@ -61,13 +69,14 @@ class ObserverSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
     ripple_hz: Positive = 1.5  # above what the command may contain
     ripple_damping: Positive = 0.3
     brisk_mps2: Positive = 0.4  # R, m/s2: at this rate of s half of an innovation is believed; hills stay below it
-    brisk_s: Positive = 0.5  # s over which the rate is seen
+    brisk_s: Positive = 0.5  # tau_m, s over which the rate is seen, and what lasts of the innovations
     pace_share: Positive = 0.25  # kappa: fourth gear is slowed to a seventh, give or take a factor of 1.6
     pace_s: Positive = 5.0  # tau, s: a stroke is kept for about as long
     width_share: Positive = 0.5  # one standard deviation of h: a width that is learned in the field errs by as much
     width_s: Positive = 1800.0  # tau_h, s: what makes a width, oil and wear, changes more slowly
 
 
+CHANCE_STD: Final = 0.5  # of m if e were noise, sqrt(V): most of the filter's noise is ripple, which does not last
 LASTING_S: Final = 2.0  # s after which an innovation has lasted: a turn is over, a hill is not
 MOST_FILTERS: Final = 16  # kept: the gears of the model that drives, and of a few before it
 SEEN: Final = np.array([1.0, 0.0, 0.0, 1.0])  # the speed sensor shows y + r
@@ -78,7 +87,8 @@ class Filter:
     """x_(k+1) = F x_k + (1 - A, 0, 0, 0)' s_k, corrected by `gain` times the innovation, whose variance is (m/s)^2."""
 
     moves: np.ndarray  # F (4, 4)
-    gain: np.ndarray  # (4,)
+    gain: np.ndarray  # K_0 (4,)
+    hill_gain: np.ndarray  # K_1 (4,)
     variance: float
 
 
@@ -86,9 +96,9 @@ class DisturbanceObserver:
     """`speed_mps`, `disturbance_mps`, `ripple`, `steady_mps` and what it learns are all its state.
 
     That is `log_pace` and `width_share`, each with its variance and the derivative of the rest by it, `moved` and
-    `turned`, and what `lasts`. `innovation_mps` is what the last frame did not fit by; `unexpected_mps` what of the
-    change of the measured speed, `measured_mps`, since the frame before was not expected. A filter that corrects the
-    speed slowly, as the ripple wants it, goes on showing in the one what came long ago.
+    `turned`, what `lasts`, and m, `hill_mps`. `innovation_mps` is what the last frame did not fit by; `unexpected_mps`
+    what of the change of the measured speed, `measured_mps`, since the frame before was not expected. A filter that
+    corrects the speed slowly, as the ripple wants it, goes on showing in the one what came long ago.
     """
 
     def __init__(self, frame_s: float, settings: ObserverSettings) -> None:
@@ -107,7 +117,7 @@ class DisturbanceObserver:
         """Begin at a measured speed, with nothing known beside it but the width."""
         self.speed_mps = self.measured_mps = speed_mps
         self.disturbance_mps = 0.0
-        self.innovation_mps = self.unexpected_mps = 0.0
+        self.innovation_mps = self.unexpected_mps = self.hill_mps = 0.0
         self.steady_mps = math.nan  # s through a lag of brisk_s
         self.ripple = np.zeros(2)  # q and r
         self.log_pace, self.log_pace_variance = 0.0, 0.0
@@ -148,7 +158,8 @@ class DisturbanceObserver:
         self.unexpected_mps = speed_mps - self.measured_mps - share * ahead_mps
         self.measured_mps = speed_mps
         self.calm = 1.0 / (1.0 + (self._rate_mps2(steady_mps) / self.settings.brisk_mps2) ** 2)
-        states += np.outer((self.innovation_mps, -by_pace, -by_width), found.gain * (1.0, self.calm, 1.0, 1.0))
+        gain = found.gain + self._hill_share(found.variance) * (found.hill_gain - found.gain)
+        states += np.outer((self.innovation_mps, -by_pace, -by_width), gain * (1.0, self.calm, 1.0, 1.0))
         x, self.moved, self.turned = states
         self._learn_pace(by_pace, found.variance, pace)
         x = x + self.turned * self._learn_width(by_width, found.variance)
@@ -156,6 +167,13 @@ class DisturbanceObserver:
         if not upset:
             self._keep()
         return self.innovation_mps
+
+    def _hill_share(self, variance_mps2: float) -> float:
+        """w, for innovations of this variance where nothing lasts."""
+        share = self._rate_share
+        self.hill_mps += share * (self.calm * self.innovation_mps - self.hill_mps)
+        chance_mps2 = CHANCE_STD**2 * variance_mps2 * share / (2.0 - share)
+        return 1.0 - chance_mps2 / max(self.hill_mps**2, chance_mps2)
 
     def _learn_pace(self, shown: float, variance_mps2: float, pace: float) -> None:
         """ln p one frame on, by what of the innovation, of this variance where p is known, shows it so much."""
@@ -198,11 +216,16 @@ class DisturbanceObserver:
         found.F = np.array(linalg.block_diag([[pole, 1.0 - pole], [0.0, 1.0]], kept))
         found.H = SEEN[None, :]
         found.R *= settings.speed_noise_mps**2
-        std = np.array([settings.model_noise_mps, math.sqrt(pace) * settings.disturbance_mps])
         ripple = np.diag([settings.ripple_mps / omega, settings.ripple_mps]) ** 2  # lasting: what it loses is its noise
-        found.Q = np.array(linalg.block_diag(np.diag(std) ** 2 * self.frame_s, ripple - kept @ ripple @ kept.T))
-        gain = steady_gain(found)[:, 0]
-        return Filter(found.F, gain, settings.speed_noise_mps**2 / (1.0 - float(SEEN @ gain)))
+
+        def gain(share: float) -> np.ndarray:
+            std = np.array([settings.model_noise_mps, share * settings.disturbance_mps])
+            found.Q = np.array(linalg.block_diag(np.diag(std) ** 2 * self.frame_s, ripple - kept @ ripple @ kept.T))
+            return steady_gain(found)[:, 0]
+
+        usual = gain(math.sqrt(pace))
+        variance = settings.speed_noise_mps**2 / (1.0 - float(SEEN @ usual))
+        return Filter(found.F, usual, gain(pace**-0.5), variance)
 
     def shift(self, disturbance_mps: float) -> None:
         """Move the disturbance by what a change of the model explains differently, so that the change makes no bump."""

@@ -221,12 +221,13 @@ def after_small_steps(share: float, gear: int, settings: ControlSettings | None 
 def test_a_band_that_is_wrong_does_not_make_the_speed_swing(share, gear):
     """From 20 s on; without learning 0.06 to 0.29 m/s in every gear where it is half as wide again, or twice.
 
-    In fourth gear, where least is learned of it, twice the band keeps a slow swing of 1 % of the speed to either side.
+    In fourth gear, where least is learned of it, twice the band keeps a slow swing of 1 % of the speed to either side,
+    and what turns there leave is followed as a hill.
     """
     loop = after_small_steps(share, gear)
     assert np.ptp(loop.speeds[400:800]) < 0.03
     assert np.ptp(loop.speeds[-100:]) < (0.09 if (share, gear) == (2.0, 4) else 0.03)
-    assert abs(loop.speeds[-1] - 1.5 * RATIO[gear]) < (0.05 if (share, gear) == (2.0, 4) else 0.03)
+    assert abs(loop.speeds[-1] - 1.5 * RATIO[gear]) < (0.05 if share >= 1.5 and gear == 4 else 0.03)
 
 
 @pytest.mark.parametrize("gear", RATIO)

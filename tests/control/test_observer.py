@@ -2,12 +2,13 @@
 
 import math
 from copy import deepcopy
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.linalg import block_diag, expm, solve_discrete_are
 
-from cruise.control.observer import MOST_FILTERS, DisturbanceObserver, ObserverSettings
+from cruise.control.observer import CHANCE_STD, MOST_FILTERS, DisturbanceObserver, ObserverSettings
 
 POLE, FRAME_S = 0.8, 0.05
 HIGH_POLE, HIGH_PACE = 0.97, 0.15  # fourth gear
@@ -29,7 +30,7 @@ def test_it_finds_a_step_of_the_disturbance_within_two_seconds():
     assert observer.speed_mps == pytest.approx(speed, abs=0.01)
 
 
-def noises(settings, pace):
+def noises(settings, pace, exponent=0.5):
     """Transition and covariance of the noise of all four states, written out; the ripple's from how it is sampled."""
     omega, damping = 2.0 * math.pi * settings.ripple_hz, settings.ripple_damping
     swing = np.array([[0.0, 1.0], [-(omega**2), -2.0 * damping * omega]])
@@ -40,19 +41,59 @@ def noises(settings, pace):
     for _ in range(1000):
         ripple += kept @ np.diag([0.0, power * fine]) @ kept.T
         kept = kept @ flow
-    speed, disturbance = settings.model_noise_mps, np.sqrt(pace) * settings.disturbance_mps
+    speed, disturbance = settings.model_noise_mps, pace**exponent * settings.disturbance_mps
     return moves, block_diag(FRAME_S * np.diag([speed, disturbance]) ** 2, ripple)
 
 
-def test_its_gain_is_that_of_the_riccati_equation():
+@pytest.mark.parametrize(("name", "exponent"), [("gain", 0.5), ("hill_gain", -0.5)])
+def test_its_gains_are_those_of_the_riccati_equation(name, exponent):
     settings = ObserverSettings()
     pace = 0.5
-    gain = DisturbanceObserver(FRAME_S, settings).filter(POLE, pace).gain
-    moves, spread = noises(settings, pace)
+    gain = getattr(DisturbanceObserver(FRAME_S, settings).filter(POLE, pace), name)
+    moves, spread = noises(settings, pace, exponent)
     noise = settings.speed_noise_mps**2
     expected = solve_discrete_are(moves.T, np.array([[1.0], [0.0], [0.0], [1.0]]), spread, [[noise]])
     column = expected[:, 0] + expected[:, 3]
     np.testing.assert_allclose(gain, column / (column[0] + column[3] + noise), rtol=0.01, atol=1e-4)
+
+
+def behind_a_hill(rate_mps2, pace):
+    """How far the disturbance is behind, in s, after 4 s of a hill that moves the steady speed at this rate."""
+    observer, pole = DisturbanceObserver(FRAME_S, ObserverSettings()), 1.0 - pace * (1.0 - POLE)
+    speed = 3.0
+    observer.reset(speed)
+    for k in range(80):
+        speed += (1.0 - pole) * (3.0 - rate_mps2 * FRAME_S * k - speed)
+        observer.step(pole, 3.0, speed, pace)
+    return 4.0 + observer.disturbance_mps / rate_mps2
+
+
+def test_a_hill_in_a_fast_gear_is_followed_as_quickly_as_it_comes_and_little_as_slowly_as_before():
+    little, much = (behind_a_hill(rate_mps2, 0.118) for rate_mps2 in (0.01, 0.4))
+    assert little > 2.5
+    assert much < 1.4
+    assert behind_a_hill(0.4, 1.0) == pytest.approx(behind_a_hill(0.01, 1.0)), "a slow gear has one gain"
+
+
+def test_what_lasts_of_the_innovations_is_a_hill_as_far_as_it_is_more_than_chance():
+    rng = np.random.default_rng(3)
+    observer = DisturbanceObserver(FRAME_S, ObserverSettings())
+    observer.reset(3.0)
+    found, shares = observer.filter(HIGH_POLE, HIGH_PACE), []
+    for k in range(400):
+        before = observer.disturbance_mps
+        lasting = 0.05 if k >= 200 else 0.0
+        expected = observer.speed_mps + (1.0 - HIGH_POLE) * (3.0 + before - observer.speed_mps)
+        shown = expected + float((found.moves[2:, 2:] @ observer.ripple)[1]) + lasting + 0.01 * rng.standard_normal()
+        innovation = observer.step(HIGH_POLE, 3.0, shown, HIGH_PACE)
+        rises = (observer.disturbance_mps - before) / (observer.calm * innovation)
+        shares.append((rises - found.gain[1]) / (found.hill_gain[1] - found.gain[1]))
+        if k == 399:
+            share = -math.expm1(-FRAME_S / 0.5)
+            chance = CHANCE_STD**2 * found.variance * share / (2.0 - share)
+            assert shares[-1] == pytest.approx(1.0 - chance / observer.hill_mps**2)
+    assert np.median(shares[50:200]) == pytest.approx(0.0, abs=1e-6)
+    assert np.mean(shares[300:]) > 0.9
 
 
 @pytest.mark.parametrize(("hz", "least", "most"), [(0.2, 0.9, 1.1), (1.5, 0.0, 0.3), (5.0, 0.0, 0.4)])
@@ -181,6 +222,8 @@ def test_what_shows_the_pace_is_the_derivative_of_the_state():
     for by, one in observers.items():
         one.reset(3.0)
         one.log_pace = by
+        usual = one.filter(HIGH_POLE, HIGH_PACE)
+        one.filter = lambda pole, pace=1.0, usual=usual: replace(usual, hill_gain=usual.gain)  # of given gain
     rng, speed = np.random.default_rng(1), 3.0
     for k in range(160):
         steady = 3.0 + np.clip((k - 40) / 40.0, 0.0, 1.0)
@@ -343,7 +386,7 @@ def test_what_was_not_expected_is_seen_when_it_comes_and_not_again():
         observer.step(HIGH_POLE, 3.0, 3.0 + 0.05 * k, HIGH_PACE)  # 1 m/s2
         gathered.append((observer.unexpected_mps, observer.innovation_mps))
     unexpected, innovations = np.array(gathered[-4:]).sum(axis=0)
-    assert unexpected == pytest.approx(0.2, abs=0.03), "within 0.2 s"
+    assert unexpected == pytest.approx(0.2, abs=0.06), "within 0.2 s"
     assert innovations > 0.3
 
 

@@ -12,6 +12,7 @@ import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import islice
 from typing import Final
 
 import msgspec
@@ -24,6 +25,7 @@ USUAL_S: Final = 5.0  # s, time constant of that error: temperature and voltage 
 SMOOTH_S: Final = 0.2  # s, time constant through which two speeds are compared
 RATE_S: Final = 0.1  # s over which a rate is taken
 JUMP_S: Final = 0.2  # s over which the model's errors are summed
+FORCE_S: Final = 0.4  # s over which they are compared with those of the time before
 TEXTURE_S: Final = 0.5  # s, time constant of the roughness
 WIDEST: Final = 3.0  # times its default that a threshold may be
 LEAST_READINGS: Final = 8  # equal ones that make a sensor frozen: at 5 Hz it may repeat itself by chance
@@ -48,6 +50,9 @@ class PlausibilitySettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unk
     disturbance_mps: Positive = 0.25
     disturbance_share: Positive = 0.3  # of the speed, the model's error
     jump_mps: Positive = 0.3  # m/s within 0.2 s that no command explains: 1.5 m/s2; rolling freely on 5 degrees is 0.17
+    # m/s within 0.4 s more than in the 0.4 s before, while the drive rests: a force of 0.5 m/s2 that comes at once;
+    # a hill of 8 degrees that comes within 2.5 s makes 0.09
+    force_mps: Positive = 0.2
     behind_mps: Positive = 0.3  # m/s that the machine may be behind the reference
     crowd: Positive = 1.6  # of the frames of a message in the second before engaging: more is a second sender
     faulty_share: Positive = 0.5  # of the last frames of a protected message
@@ -72,6 +77,7 @@ class Seen:
     followed_mps: float  # reference or setpoint, whichever is less: ahead of a falling reference is not behind
     disturbance_mps: float  # in m/s of steady speed, what the model does not explain
     unexpected_mps: float  # of the change of the speed in this frame, what no command explains
+    calm: float  # share of that which the drive has not moved itself
     alpha: float  # equation 12: 1 in the slow gears, less in those that a hill slows down more
     crowding: float  # the busiest message's frames in the last second over those before engaging
     faulty_share: float  # of the last frames of the worst protected message
@@ -145,7 +151,7 @@ class Memory:
         while seen.time_s - self.past[0][0] > RATE_S + 1e-6:
             self.past.popleft()
         self.unexpected.append(seen.unexpected_mps)
-        while len(self.unexpected) * self.frame_s > JUMP_S + 1e-6:
+        while len(self.unexpected) * self.frame_s > 2.0 * FORCE_S + 1e-6:
             self.unexpected.popleft()
         if math.isfinite(seen.commanded_ma):
             self.commands.append((seen.time_s, seen.commanded_ma))
@@ -154,6 +160,11 @@ class Memory:
         while self.commands and seen.time_s - self.commands[0][0] > WINDOW_S + 1e-6:
             self.commands.popleft()
         self._regulated(seen)
+
+    def unexpected_mps(self, from_s: float, to_s: float) -> float:
+        """What no command explains of the change of the speed, from so long ago to so long ago."""
+        first, last = (len(self.unexpected) - round(ago_s / self.frame_s) for ago_s in (from_s, to_s))
+        return sum(islice(self.unexpected, max(first, 0), max(last, 0)))
 
     def _regulated(self, seen: Seen) -> None:
         sent = [current_ma for _, current_ma in self.commands]
@@ -206,6 +217,12 @@ def _frozen(seen: Seen, memory: Memory, settings: PlausibilitySettings) -> float
     return max(texture.frozen_s for texture in memory.textures.values()) / settings.frozen_s
 
 
+def _force(seen: Seen, memory: Memory, settings: PlausibilitySettings) -> float:
+    """A brake that nobody sees, or a sensor that jumps: a hill, however steep, comes in seconds."""
+    more_mps = memory.unexpected_mps(FORCE_S, 0.0) - memory.unexpected_mps(2.0 * FORCE_S, FORCE_S)
+    return seen.calm * abs(more_mps) / settings.force_mps
+
+
 def _response(seen: Seen, memory: Memory, settings: PlausibilitySettings) -> float:
     allowed = settings.disturbance_mps / seen.alpha + settings.disturbance_share * abs(seen.speed_mps)
     return abs(seen.disturbance_mps) / allowed
@@ -241,7 +258,8 @@ CHECKS: Final = (
     Check("a sensor is frozen", _frozen, 0.0, True),
     Check("current and speed do not fit the model", _response, 0.3),
     Check("the speed changes as no command did", lambda seen, memory, settings:
-          abs(sum(memory.unexpected)) / settings.jump_mps, 0.0, True),
+          abs(memory.unexpected_mps(JUMP_S, 0.0)) / settings.jump_mps, 0.0, True),
+    Check("a force came at once, as no hill does", _force, 0.0, True),
     Check("the machine does not follow", lambda seen, memory, settings:
           (seen.followed_mps - seen.speed_mps) / (settings.behind_mps + 0.1 * abs(seen.speed_mps)), 1.0, True),
 )  # fmt: skip

@@ -248,6 +248,7 @@ class CruiseNode:
             followed_mps=min(controller.past_references[0], self.engagement.setpoint_mps) if controls else math.nan,
             disturbance_mps=controller.observer.disturbance_mps if controller.state is not None else math.nan,
             unexpected_mps=controller.observer.unexpected_mps,
+            calm=controller.observer.calm,
             alpha=controller.state.pace if controller.state is not None else 1.0,
             crowding=self.hearing.crowding(frame.time_s),
             faulty_share=self.hearing.faulty_share,

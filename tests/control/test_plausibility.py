@@ -21,6 +21,7 @@ TRUE = Seen(
     followed_mps=1.5,
     disturbance_mps=0.1,
     unexpected_mps=0.01,
+    calm=1.0,
     alpha=1.0,
     crowding=1.0,
     faulty_share=0.0,
@@ -74,7 +75,8 @@ LIES: dict[str, tuple[Lie, float]] = {
     ),
     "the engine speed changes faster than it can": (lambda seen, s: replace(seen, engine_rpm=1900.0), 0.1),
     "current and speed do not fit the model": (lambda seen, s: replace(seen, disturbance_mps=-0.9), 0.3),
-    "the speed changes as no command did": (lambda seen, s: replace(seen, unexpected_mps=-0.08), 0.15),
+    "the speed changes as no command did": (lambda seen, s: replace(seen, unexpected_mps=-0.08, calm=0.1), 0.15),
+    "a force came at once, as no hill does": (lambda seen, s: replace(seen, unexpected_mps=-0.03), 0.35),
     "the machine does not follow": (lambda seen, s: replace(seen, followed_mps=2.0), 1.0),
 }
 
@@ -123,7 +125,11 @@ HARMLESS: dict[str, Lie] = {
     "a burst of frames": lambda seen, s: replace(seen, crowding=1.5),
     "the engine labours": lambda seen, s: replace(seen, engine_rpm=2100.0 - 300.0 * min(s, 1.0)),
     "a hill takes more of the speed in a fast gear": lambda seen, s: replace(seen, disturbance_mps=-1.0, alpha=0.33),
-    "the speed is noisy": lambda seen, s: replace(seen, unexpected_mps=0.07),
+    "the speed is noisy": lambda seen, s: replace(seen, unexpected_mps=0.05 * math.cos(20.0 * math.pi * s)),
+    "the model errs while the drive moves": lambda seen, s: replace(seen, unexpected_mps=0.05, calm=0.4),
+    "a hill of 8 degrees comes within 2.5 s, and nothing meets it": lambda seen, s: replace(
+        seen, unexpected_mps=0.01 - FRAME_S * 0.55 * min(s, 2.0)
+    ),
     "behind for a moment": lambda seen, s: replace(seen, followed_mps=2.5 if s < 0.9 else 1.5),
     "nothing is measured": lambda seen, s: replace(
         seen, speed_mps=math.nan, current_ma=math.nan, engine_rpm=math.nan, disturbance_mps=math.nan

@@ -41,6 +41,18 @@ def test_the_parts_are_where_the_packages_have_them_whatever_their_version(tmp_p
     assert all("6.1.999/kernel" in str(path) for path in parts.modules)
 
 
+def test_a_processor_with_more_registers_than_the_kernel_knows_asks_for_a_compiler(tmp_path: Path, monkeypatch):
+    monkeypatch.setattr(machine, "NEW_REGISTERS", "in no processor")
+    assert machine._with_all_registers(tmp_path) == []
+    monkeypatch.setattr(machine, "NEW_REGISTERS", "")
+    if shutil.which("cc"):
+        *_, preloaded = machine._with_all_registers(tmp_path)
+        assert Path(preloaded.removeprefix("LD_PRELOAD=")).is_file()
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+    with pytest.raises(debian.UnavailableError, match="apt: gcc"):
+        machine._with_all_registers(tmp_path)
+
+
 def test_the_command_runs_where_and_as_it_was_given(tmp_path: Path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("CRUISE_WORD", "it's $HOME")

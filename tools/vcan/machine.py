@@ -26,6 +26,8 @@ from tools.vcan import debian
 INIT = Path(__file__).with_name("init")
 MEMORY_MB = 3072  # at most; it is taken as it is used
 PASSED_ON = ("PATH", "HOME", "LANG", "LC_ALL", "CI", "MPLBACKEND", "COLUMNS")
+NEW_REGISTERS = "amx_tile"  # flag of processors that have more registers than the kernel keeps, see registers.c
+REGISTERS = Path(__file__).with_name("registers.c")
 PASSED_ON_PREFIXES = ("CRUISE_", "OMP_", "OPENBLAS_", "PYTEST_", "PYTHON", "HYPOTHESIS_")
 
 
@@ -42,12 +44,13 @@ def run(command: Sequence[str], keep: Path | None, folder: Path, systemd: bool, 
     (task / "command").write_text(_script(command, parts.can_utils), encoding="utf-8")
     (task / "keep").write_text(f"{keep}\n", encoding="utf-8")
     (task / "process1").write_text("systemd\n" if systemd else "command\n", encoding="utf-8")
+    before = _with_all_registers(folder)
     console, exit_code = folder / "console", task / "exit_code"
     with console.open("wb") as said, (debian.cache() / "running").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         _come_first()
         linux = [
-            "setpriv", "--pdeathsig", "TERM",  # it ends with this program, however that ends
+            "setpriv", "--pdeathsig", "TERM", *before,  # it ends with this program, however that ends
             str(parts.kernel), f"mem={MEMORY_MB}M", f"initrd={_initramfs(parts, folder)}", f"uml_dir={folder}/",
             "con=null", f"con0=null,fd:{said.fileno()}", "ssl0=null,fd:1", "quiet", "panic=-1", "selinux=0",
             f"vcan_task={task}",
@@ -65,6 +68,20 @@ def _come_first() -> None:
     os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
     with contextlib.suppress(PermissionError):
         os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))
+
+
+def _with_all_registers(folder: Path) -> list[str]:
+    """Return what goes before the kernel, so that it runs whatever registers the processor has."""
+    if NEW_REGISTERS not in Path("/proc/cpuinfo").read_text(encoding="utf-8"):
+        return []
+    if shutil.which("cc") is None:
+        raise debian.UnavailableError("on a processor with AMX the virtual machine needs a C compiler (apt: gcc)")
+    library = folder / "registers.so"
+    compile_it = ["cc", "-O2", "-shared", "-fPIC", "-o", str(library), str(REGISTERS)]
+    ran = subprocess.run(compile_it, capture_output=True, text=True, check=False)
+    if ran.returncode != 0:
+        raise debian.UnavailableError(f"cc can't compile {REGISTERS.name}: {ran.stderr.strip()}")
+    return ["env", f"LD_PRELOAD={library}"]
 
 
 def _script(command: Sequence[str], can_utils: Path) -> str:

@@ -30,6 +30,7 @@ LITTLE: Final = (0.03, 0.06, 0.09, 0.13, 0.18, 0.25)  # t / s_0, up to what woul
 MODEST: Final = 2.0  # C that a larger t has to save for every step of `LITTLE`
 FORM: Final = 0.1  # q
 DYNAMICS: Final = frozenset({"hysteresis", "rate_limit", "transport_delay", "active_braking", "resonance"})
+STRUCTURAL: Final = frozenset({"transport_delay", "resonance"})  # effects that live in the core
 NOTHING_MPS: Final = 1e-5  # RMS of what an effect moves, below which it is not there
 LEAST_SPOKEN: Final = 0.5  # share of the judged time of which an effect's signals must be known
 

@@ -15,7 +15,6 @@ from cruise.signals import INPUT, OUTPUT, SIGNALS
 from cruise.validation.explanation import CORE, Explanation
 from cruise.validation.slope import PITCH, SLOPE, pitch_share, slope_deg
 from cruise.validation.unnamed import (
-    KNOTS,
     POWERS,
     PUSHES,
     SPEED,
@@ -24,6 +23,7 @@ from cruise.validation.unnamed import (
     UnnamedGain,
     UnnamedLoad,
     UnnamedPush,
+    knots_of,
     range_of,
 )
 
@@ -147,6 +147,7 @@ class UnnamedCandidate:
     half_width: float
     credit: float = 1.0
     longest_delay_s: float | None = None
+    knots: tuple[float, ...] = ()  # of the current alone, in mA
 
     @property
     def name(self) -> str:
@@ -155,16 +156,13 @@ class UnnamedCandidate:
     def grown(self, explanation: Explanation) -> Iterator[Explanation]:
         """One start: no dependence."""
         if self.signal == INPUT:
-            low = self.centre - self.half_width
-            knots = tuple(low + 2.0 * self.half_width * i / KNOTS for i in range(KNOTS))
-            yield with_effect(with_effect(explanation, UnnamedCurve(knots)), UnnamedDirection())
+            yield with_effect(with_effect(explanation, UnnamedCurve(self.knots)), UnnamedDirection())
             return
         gain = UnnamedGain(self.signal, self.centre, self.half_width)
         grown = with_effect(explanation, gain)
         for power in POWERS:
             grown = with_effect(grown, UnnamedLoad(self.signal, self.centre, self.half_width, power))
-        pushes = self.credit == 1.0 and self.signal != SPEED  # what the drive moves pushes nothing
-        for power in PUSHES if pushes else ():
+        for power in PUSHES if self.signal != SPEED else ():
             grown = with_effect(grown, UnnamedPush(self.signal, self.centre, self.half_width, power))
         yield grown
 
@@ -213,7 +211,8 @@ def unnamed(recordings: Sequence[Recording], explanation: Explanation) -> list[U
         centre, half_width = range_of(np.concatenate(values))
         if half_width > 0.0:
             read = SLOPE if signal == PITCH else signal
-            found.append(UnnamedCandidate(read, centre, half_width, BLIND.get(signal, 1.0)))
+            knots = knots_of(np.concatenate(values)) if signal == INPUT else ()
+            found.append(UnnamedCandidate(read, centre, half_width, BLIND.get(signal, 1.0), knots=knots))
     return found
 
 

@@ -5,10 +5,10 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from cruise.effects import EFFECTS
-from cruise.validation.candidates import UNNAMED
+from cruise.validation.candidates import MEDIATORS, UNNAMED
 from cruise.validation.foretold import CHANCE, Foretold
 from cruise.validation.search import Judged
-from cruise.validation.selection import FURTHER, LEAST_FURTHER, Selected
+from cruise.validation.selection import FURTHER, LEAST_FURTHER, Selected, least_share
 from cruise.validation.tried import BEYOND_DOUBT, ENOUGH, LEAST_GAIN, asked, step_of, tried_in
 
 LEAST_FORETOLD: Final = 0.15  # of the first loss, that the catch-all must foretell for something to be missing,
@@ -74,12 +74,22 @@ def confidence_of(margin: float, answer: str) -> float:
 
 def margin_of_the_end(found: Selected) -> float:
     """Evidence by which the search was short of going on or of ending earlier; for a curve, by which it has a say."""
-    last = found.steps[-1].tried
     if found.curved:
         return found.curve_margin
-    enough, least = (FURTHER, LEAST_FURTHER) if found.chosen else (ENOUGH, LEAST_GAIN)
-    rest = [one for one in last if one.name not in found.chosen and not one.name.startswith(UNNAMED)]
-    short = [max(enough - one.counted, enough * (1.0 - max(one.gain, 0.0) / least)) for one in rest]
     chosen = [tried_in(step_of(found.steps, name), name) for name in found.chosen]
     over = [one.counted - asked(one.gain) for one in chosen if one is not None and one.sureness < BEYOND_DOUBT]
-    return max(min([*short, *over], default=enough), LEAST_MARGIN)
+    mediated = [ENOUGH * step.mediated for step in found.steps if step.taken in MEDIATORS]
+    return max(min([*_short(found), *over, *mediated], default=ENOUGH), LEAST_MARGIN)
+
+
+def _short(found: Selected) -> list[float]:
+    """By how much all that was tried last was short of being one effect more, in evidence or what is worth as much."""
+    last = found.steps[-1]
+    enough, least = (FURTHER, LEAST_FURTHER) if found.chosen else (ENOUGH, LEAST_GAIN)
+    rest = [one for one in last.tried if one.name not in found.chosen and not one.name.startswith(UNNAMED)]
+    short = [max(1.0 - one.counted / enough, 1.0 - max(one.gain, 0.0) / least) for one in rest]
+    if found.chosen and not last.taken:
+        loss = found.steps[-2].before.loss
+        shares = [(last.before.loss - one.judged.loss) / loss / least_share(one.name, found.chosen) for one in rest]
+        short = [max(one, 1.0 - share) for one, share in zip(short, shares, strict=True)]
+    return [enough * one for one in short]

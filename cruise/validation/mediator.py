@@ -27,7 +27,9 @@ from cruise.validation.tried import LEAST_GAIN, LOOSE, SURE, Tried
 SHOWN: Final = 0.05  # of the present loss: with less in its signal, it says nothing of the others
 NEEDED: Final = 40.0  # evidence beside it from which something is needed whatever the forces are,
 NEEDED_SHARE: Final = 0.05  # and of the present loss
-MEDIATED: Final = 0.3  # of the present loss: all that an effect may leave through whose signal every force acts
+MEDIATED: Final = 0.27  # of the present loss: all that an effect may leave through whose signal every force acts
+NOISY: Final = 0.65  # likewise, where no other cause takes away more than
+LONELY: Final = 0.25  # of what it does, and no effect has been found yet: then noise is most of what it leaves
 MORE: Final = 0.8  # of what the best direct cause leaves: with less, and with
 BEYOND: Final = 0.04  # of the present loss, that it must take away beyond the best direct cause: forms may be wrong
 TOLD_BESIDE: Final = 0.7  # of what it takes away beyond that foretold by what is recorded, it is a cause itself
@@ -44,23 +46,31 @@ class Through(Enum):
     UNRECORDED = auto()  # a force that nobody recorded: nothing foretells what it takes away
 
 
-def behind(study: Study, present: Judged, mediator: Judged, direct: Judged, first: bool) -> Through:
-    """What stands behind the mediator; `direct` is the best of the other causes, `first` says if none is found yet."""
-    taken = present.loss - mediator.loss
-    if mediator.loss > MEDIATED * present.loss:
-        return Through.RECORDED
+def behind(study: Study, present: Judged, mediator: Judged, direct: Judged, first: bool) -> tuple[Through, float]:
+    """What stands behind the mediator, and, where it is a cause itself, how far from its limits it is (0..1).
+
+    `direct` is the best of the other causes, `first` says if none is found yet.
+    """
+    taken, left = present.loss - mediator.loss, mediator.loss / present.loss
+    if left > NOISY:
+        return Through.RECORDED, 0.0
 
     def told(error_mps: np.ndarray) -> float:
         part_mps = error_mps - mediator.fit.error_mps
         return share_told(study.search.scene, present.fit, part_mps, study.search.blocks)
 
+    instead = (present.loss - direct.loss) / taken
+    margin = max(1.0 - left / MEDIATED, 1.0 - instead / LONELY if first else 0.0)
+    if left > MEDIATED:
+        itself = margin > 0.0 and told(present.fit.error_mps) >= TOLD
+        return (Through.ITSELF, margin) if itself else (Through.RECORDED, 0.0)
     nameless = first and direct.candidate.startswith(UNNAMED)
-    if present.loss - direct.loss > (NAMELESS if nameless else DIRECT) * taken:
-        return Through.RECORDED
+    if instead > (NAMELESS if nameless else DIRECT):
+        return Through.RECORDED, 0.0
     beyond = max((1.0 - MORE) * direct.loss, BEYOND * present.loss)
     if direct.loss - mediator.loss > beyond and told(direct.fit.error_mps) >= TOLD_BESIDE:
-        return Through.ITSELF
-    return Through.ITSELF if told(present.fit.error_mps) >= TOLD else Through.UNRECORDED
+        return Through.ITSELF, margin
+    return (Through.ITSELF if told(present.fit.error_mps) >= TOLD else Through.UNRECORDED), margin
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,12 +79,13 @@ class Said:
 
     name: str  # of the mediator
     through: Through
+    margin: float  # how far from its limits it is, where it is a cause itself: 1 where it is far
     forces: Judged | None  # the explanation with every force known, where something else is needed beside that,
     beside: Mapping[str, Tried]  # and everything as tried there
     refuted: tuple[str, ...]  # those that are no force, where nothing else is needed
 
 
-SILENT: Final = Said("", Through.RECORDED, None, {}, ())
+SILENT: Final = Said("", Through.RECORDED, 0.0, None, {}, ())
 
 
 def may_be_needed(alone: Tried) -> bool:

@@ -8,7 +8,7 @@ import numpy as np
 
 from cruise.effects import EFFECTS, Stage
 from cruise.signals import INPUT, OUTPUT
-from cruise.validation.background import DYNAMICS
+from cruise.validation.background import DYNAMICS, STRUCTURAL
 from cruise.validation.candidates import MEDIATORS, UNNAMED, Refused, candidates, unnamed, without
 from cruise.validation.mediator import MEDIATED
 from cruise.validation.search import Judged, gain
@@ -34,11 +34,13 @@ from cruise.validation.unnamed import SPEED
 FURTHER: Final = 75.0  # evidence from which a further effect is one, as no form of the first is exact,
 LEAST_FURTHER: Final = 0.25  # likewise, of the present loss,
 LEAST_SHARE: Final = 0.04  # and of the loss before the effect that was found last, whose form may be as wrong;
-LEAST_DYNAMIC: Final = 0.25  # the same share for two that change the dynamics, where no core's form is exact, either;
+LEAST_DYNAMIC: Final = 0.25  # the same share for two that change the dynamics, where no core's form is exact, either,
+LEAST_STRUCTURAL: Final = 0.15  # and for one of the core's own structure, beside which something else was found;
 PLAINLY: Final = (12.0, 0.3, 0.1)  # or evidence times gain, where it takes more of both: no wrong form leaves so much
 LEAST_CURVED: Final = 0.45  # of the loss, that a free curve must explain to have the word
 CURVED: Final = (60.0, 0.05)  # evidence, and share of it, by which a free curve must exceed all effects
-FAR: Final = 0.4  # of what all effects leave: a curve that leaves less has the word with as much evidence,
+FAR: Final = 0.25  # of what all effects leave above the noise: a curve that leaves less has the word, and
+LESS: Final = 0.7  # of what they leave in all, with as much evidence,
 ABOUT: Final = 0.1  # as much but for this share of it
 CLEARLY: Final = 0.6  # of what the best effect leaves where every force is known: all that a curve may leave there
 SAME_SIGNAL: Final = 0.85  # of what a curve takes away: an effect of the same signal that takes as much is the curve
@@ -75,8 +77,8 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
     """Add the best effect while it brings enough; after each, drop what it makes superfluous.
 
     A curve without physics has the word in the end where there is much more evidence for it than for all effects
-    together, or as much and it leaves far less of the error, never where it leaves more than they do; or where it takes
-    as much of what they leave as a further effect would have to, and they are superfluous beside it.
+    together, or as much and it leaves far less of the error, never where they or any other leave less; or where it
+    takes as much of what they leave as a further effect would have to, and they are superfluous beside it.
     """
     search, present = study.search, study.base
     steps: list[Step] = []
@@ -134,16 +136,21 @@ def _further(one: Tried, step: Step, before: Judged, chosen: Sequence[str]) -> b
 
     Where every force is known, its share is that of what is left there: a force that is missing, too, hides no other.
     """
-    brings = step.before.loss - one.judged.loss
-    share_of_it = one.gain if step.forces is None else max(one.gain, gain(step.forces, one.compared))
-    if one.name in DYNAMICS and not DYNAMICS.isdisjoint(chosen) and brings < LEAST_DYNAMIC * before.loss:
+    share = (step.before.loss - one.judged.loss) / before.loss
+    if share < least_share(one.name, chosen):
         return False
-    evidence, least, share = PLAINLY
-    if one.gain >= least and one.sureness >= SURE and brings >= share * before.loss:
+    evidence, least, much = PLAINLY
+    if one.gain >= least and one.sureness >= SURE and share >= much:
         return one.counted * one.gain >= evidence
-    return (
-        enough(one) and one.counted >= FURTHER and share_of_it >= LEAST_FURTHER and brings >= LEAST_SHARE * before.loss
-    )
+    share_of_it = one.gain if step.forces is None else max(one.gain, gain(step.forces, one.compared))
+    return enough(one) and one.counted >= FURTHER and share_of_it >= LEAST_FURTHER
+
+
+def least_share(name: str, chosen: Sequence[str]) -> float:
+    """What a further effect must take away, of the loss before the effect that was found last."""
+    if name in DYNAMICS and not DYNAMICS.isdisjoint(chosen):
+        return LEAST_DYNAMIC
+    return LEAST_STRUCTURAL if name in STRUCTURAL else LEAST_SHARE
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,16 +191,17 @@ def _curve(first: Step, chosen: float, left: float) -> tuple[Tried | None, float
     best = max((one for one in curves if one.gain >= LEAST_CURVED), key=counted, default=None)
     if best is None or not enough(best):
         return None, 0.0
+    direct = [one.compared.loss for one in named if one.name not in MEDIATORS and one.sureness >= SURE]
+    most = CLEARLY if first.forces is not None else 1.0 / LOOSE if best.credit == 1.0 else MEDIATED
     if first.forces is not None:  # soil, too
-        left = CLEARLY * min(one.compared.loss for one in named)
-    elif best.credit < 1.0:
-        left *= MEDIATED
-    if best.compared.loss >= left:
+        left = min(direct, default=left)
+    if best.compared.loss >= min([most * left, *direct]):
         return None, 0.0
     effects = max([chosen, *(one.counted for one in named if one.gain >= LEAST_GAIN)])
     margin = best.counted - CURVED[0] - CURVED[1] * best.counted - effects
-    if effects <= (1.0 + ABOUT) * best.counted:
-        margin = max(margin, ENOUGH * (1.0 - best.compared.loss / (FAR * left)))
+    noise = first.background.noise
+    if effects <= (1.0 + ABOUT) * best.counted and best.compared.loss < LESS * left and left > noise:
+        margin = max(margin, ENOUGH * (1.0 - max(best.compared.loss - noise, 0.0) / (FAR * (left - noise))))
     if margin <= 0.0:
         return None, 0.0
     mine = best.name.removeprefix(UNNAMED)

@@ -98,7 +98,7 @@ def tried_beside(
     ]
     tried = sorted((weighed(one, said.beside.get(one.name)) for one in tried), key=counted, reverse=True)
     unrecorded = said.name if said.through is Through.UNRECORDED else ""
-    return Step(present, tuple(tried), background, unrecorded, said.forces, said.refuted)
+    return Step(present, tuple(tried), background, unrecorded, said.forces, said.refuted, said.margin)
 
 
 def _said(
@@ -121,12 +121,13 @@ def _said(
         step = tried_beside(study, mediator.judged, others, names, rng, show, effort=QUICK, known=known)
         beside = {one.name: one for one in step.tried}
         if any(needed(present, step.before, one, beside[one.name]) for one in alone if one is not mediator):
-            return Said(mediator.name, Through.RECORDED, step.before, beside, ())
+            return Said(mediator.name, Through.RECORDED, 0.0, step.before, beside, ())
     no_forces = refuted(mediator.judged, alone) if mediator.gain >= SHOWN else ()
     through = {*MEDIATORS, *(f"{UNNAMED}{signal}" for signal in EFFECTS[mediator.name].needs)}
     direct = [one.judged for one in alone if one.name not in {*no_forces, *through}]
     best = min([present, *direct], key=lambda one: one.loss)
-    return Said(mediator.name, behind(study, present, mediator.judged, best, not chosen), None, {}, no_forces)
+    through_it, margin = behind(study, present, mediator.judged, best, not chosen)
+    return Said(mediator.name, through_it, margin, None, {}, no_forces)
 
 
 def _known(search: Search, mediator: Tried, alone: Sequence[Tried], everyone: Sequence[Candidate]) -> dict[str, Fit]:

@@ -3,7 +3,7 @@
     gain     g = 1 + p_1 z + p_2 z^2 + p_3 z^3
     load     phi_i = z^i tanh(y / 0.1 m/s)
     push     phi_i = z^i
-    command  f(u) = u + sum_i p_i max(u - u_i, 0)
+    command  f(u) = u - sum_i p_i clip(u, -u_i, u_i) - p_r min(u, 0)
     z = clip((s - centre) / half width of the middle 96 %, -1.5, 1.5)
 
 They compete with the effects on the same data, as flexible as any curve that could be drawn, and without physics: where
@@ -24,7 +24,17 @@ POWERS: Final = (1, 2, 3)
 PUSHES: Final = (1, 2)  # powers of what pushes along the ground, whichever way the machine moves
 MOVING_MPS: Final = 0.1  # m/s, below which a load is taken to be held rather than felt
 FARTHEST: Final = 1.5  # half widths; beyond, a cubic says anything
-KNOTS: Final = 4
+KNOTS_PCT: Final = (
+    3,
+    10,
+    22,
+    40,
+    60,
+    78,
+    90,
+    97,
+)  # percentiles of the current's size: close where a valve begins and ends
+STEERS: Final = 0.02  # of the largest current: with less the machine is meant to stand
 DIRECTION_S: Final = 1.0  # s over which the current's direction is felt
 DIRECTION_MA: Final = 10.0  # mA by which it must have moved
 _CURVE: Final = {f"p{i}": Parameter("-", -0.9, 0.9, 0.0, f"coefficient of power {i}") for i in POWERS}
@@ -129,29 +139,38 @@ class UnnamedPush(Unnamed):
 
 @dataclass(frozen=True)
 class UnnamedCurve(Effect):
-    """A broken line of the current."""
+    """A broken line of the current's size, steeper or flatter below zero."""
 
     about: ClassVar = _ABOUT
     stage = Stage.COMMAND
     name = "current:curve"
     needs = ()
-    parameters: ClassVar = {f"p{i}": Parameter("-", -3.0, 3.0, 0.0, f"kink at knot {i}") for i in range(KNOTS)}
+    parameters: ClassVar = {
+        **{
+            f"p{i}": Parameter("-", -3.0, 1.5, 0.0, f"slope that is lost below knot {i}") for i in range(len(KNOTS_PCT))
+        },
+        "reverse": Parameter("-", -0.9, 0.9, 0.0, "slope that is lost below zero"),
+    }
 
     knots_ma: tuple[float, ...]
     p0: float = 0.0
     p1: float = 0.0
     p2: float = 0.0
     p3: float = 0.0
+    p4: float = 0.0
+    p5: float = 0.0
+    p6: float = 0.0
+    p7: float = 0.0
+    reverse: float = 0.0
 
     def reshaped(self, **shape: Any) -> "UnnamedCurve":
         return replace(self, **shape)
 
     def step(self, value: Value, past_speed: Value, signals: Signals, state: State, dt_s: float) -> tuple[Value, State]:
         """The current with its slope changed at every knot."""
-        kinks = (self.p0, self.p1, self.p2, self.p3)
-        return value + sum(
-            kink * clip(value - knot, 0.0, math.inf) for kink, knot in zip(kinks, self.knots_ma, strict=True)
-        ), state
+        shares = (self.p0, self.p1, self.p2, self.p3, self.p4, self.p5, self.p6, self.p7)
+        lost = sum(share * clip(value, -knot, knot) for share, knot in zip(shares, self.knots_ma, strict=True))
+        return value - lost - self.reverse * clip(value, -math.inf, 0.0), state
 
 
 @dataclass(frozen=True)
@@ -174,6 +193,12 @@ class UnnamedDirection(Effect):
         current = signals["pump_current_ma"]
         slow = where(state == state, state + (1.0 - math.exp(-dt_s / DIRECTION_S)) * (current - state), current)
         return tanh((current - slow) / DIRECTION_MA), slow
+
+
+def knots_of(current_ma: np.ndarray) -> tuple[float, ...]:
+    """Where the curve of the current is broken, in mA: at percentiles of its size while it steers."""
+    size = np.abs(current_ma[np.isfinite(current_ma)])
+    return tuple(np.percentile(size[size >= STEERS * size.max()], KNOTS_PCT).tolist())
 
 
 def range_of(values: np.ndarray) -> tuple[float, float]:

@@ -34,6 +34,7 @@ from cruise.validation.candidates import (
 from cruise.validation.explanation import CORE, RESONANCE, Explanation
 from cruise.validation.unnamed import (
     FARTHEST,
+    KNOTS_PCT,
     POWERS,
     PUSHES,
     SPEED,
@@ -42,6 +43,7 @@ from cruise.validation.unnamed import (
     UnnamedGain,
     UnnamedLoad,
     UnnamedPush,
+    knots_of,
     range_of,
 )
 from tests.validation.driving import drive, wander
@@ -332,14 +334,18 @@ def test_a_curve_of_the_current_is_broken_at_its_knots():
     curve, direction = grown.effects
     assert isinstance(curve, UnnamedCurve)
     assert isinstance(direction, UnnamedDirection)
-    low, high = candidate.centre - candidate.half_width, candidate.centre + candidate.half_width
-    assert curve.knots_ma[0] == pytest.approx(low)
-    assert low < curve.knots_ma[-1] < high
-    u = np.linspace(low - 100.0, high + 100.0, 200)
+    current = recorded().columns[INPUT]
+    assert curve.knots_ma == knots_of(current) == tuple(np.percentile(current, KNOTS_PCT))
+    standing = np.concatenate([np.full(SAMPLES, 0.5), [np.nan], -current])
+    assert knots_of(standing) == pytest.approx(curve.knots_ma)
+    u = np.linspace(-1.2, 1.2, 201) * current.max()
     same, _ = curve.step(u, u, {}, None, 0.2)
     np.testing.assert_array_equal(same, u)
-    kinked, _ = replace(curve, p1=0.5).step(u, u, {}, None, 0.2)
-    assert kinked == pytest.approx(u + 0.5 * np.maximum(u - curve.knots_ma[1], 0.0))
+    width_ma = curve.knots_ma[1]
+    dead, _ = replace(curve, p1=1.0).step(u, u, {}, None, 0.2)
+    assert dead == pytest.approx(np.sign(u) * np.maximum(np.abs(u) - width_ma, 0.0))
+    weak, _ = replace(curve, reverse=0.25).step(u, u, {}, None, 0.2)
+    assert weak == pytest.approx(np.where(u < 0.0, 0.75 * u, u))
 
 
 def test_the_direction_of_the_current_is_that_of_the_last_second():

@@ -12,12 +12,22 @@ from cruise.identification.structures import parse
 from cruise.report.diagnosis import sentence
 from cruise.validation import selection
 from cruise.validation.candidates import UNNAMED
-from cruise.validation.confidence import CURVES, LEAST_FORETOLD, LEAST_UNTOLD, answer_of, confidence_of, untold
+from cruise.validation.confidence import (
+    CURVES,
+    LEAST_FORETOLD,
+    LEAST_MARGIN,
+    LEAST_UNTOLD,
+    answer_of,
+    confidence_of,
+    margin_of_the_end,
+    untold,
+)
 from cruise.validation.diagnose import Diagnosis, Verdict, diagnose
 from cruise.validation.foretold import CHANCE
+from cruise.validation.mediator import MEDIATED
 from cruise.validation.search import Judged
 from cruise.validation.study import Study, study
-from cruise.validation.tried import ALIKE, LEAST_GAIN, LOOSE, MUCH, Tried, enough
+from cruise.validation.tried import ALIKE, LEAST_GAIN, LOOSE, MUCH, SURE, Tried, enough
 from tests.validation.driving import GRAVITY_MPS2, drive, wander
 from tools.trial.run import table_without
 
@@ -99,23 +109,29 @@ EVERY = pytest.mark.parametrize("which", ["nothing", "grade", "dead_zone", "unli
 
 
 def test_a_curve_that_leaves_far_less_error_has_the_word_with_as_much_evidence(unlisted):
-    first = unlisted.steps[0]
+    first = replace(unlisted.steps[0], background=copy(unlisted.steps[0].background))
     curve, rival = first.tried[0], next(one for one in first.tried if not one.name.startswith(UNNAMED))
     step = replace(first, tried=(curve, replace(rival, evidence=curve.evidence, gain=curve.gain)))
 
     def word(left: float) -> tuple[Tried | None, float]:
         return selection._curve(step, curve.evidence, left)
 
-    assert word(curve.judged.loss / 0.3)[0] is curve
-    assert word(curve.judged.loss / 0.1)[1] > word(curve.judged.loss / 0.3)[1] > 0.0, "the farther the surer"
-    assert word(curve.judged.loss / 0.5) == (None, 0.0), "not far"
+    loss, first.background.noise = curve.judged.loss, 0.8 * curve.judged.loss
+    assert word(2.0 * loss)[0] is curve, "above the noise it leaves a sixth"
+    assert word(4.0 * loss)[1] > word(2.0 * loss)[1] > 0.0, "the farther the surer"
+    assert word(1.5 * loss) == (None, 0.0), "not far above the noise"
+    first.background.noise = 0.99 * loss
+    assert word(1.5 * loss)[0] is curve, "nothing is left above the noise"
+    assert word(1.4 * loss) == (None, 0.0), "and yet it is not much less"
     more = replace(first, tried=(curve, replace(rival, evidence=1.2 * curve.evidence, gain=curve.gain)))
-    assert selection._curve(more, 0.0, curve.judged.loss / 0.1) == (None, 0.0), "there is more evidence for an effect"
-    assert selection._curve(first, 0.0, 1.1 * curve.judged.loss)[0] is curve, "much more evidence than for all effects"
-    assert selection._curve(first, 0.0, 0.9 * curve.judged.loss) == (None, 0.0), "and yet they leave less"
+    assert selection._curve(more, 0.0, 10.0 * loss) == (None, 0.0), "there is more evidence for an effect"
+    assert selection._curve(first, 0.0, 1.25 * loss)[0] is curve, "much more evidence than for all effects"
+    assert selection._curve(first, 0.0, 1.15 * loss) == (None, 0.0), "and yet they leave hardly more"
     moved = replace(first, tried=(replace(curve, credit=0.9), rival))
-    assert selection._curve(moved, 0.0, 3.4 * curve.judged.loss)[0] is not None
-    assert selection._curve(moved, 0.0, 3.2 * curve.judged.loss) == (None, 0.0), "soil that nobody recorded shows there"
+    assert selection._curve(moved, 0.0, 1.01 * loss / MEDIATED)[0] is not None
+    assert selection._curve(moved, 0.0, 0.99 * loss / MEDIATED) == (None, 0.0), "soil that nobody recorded shows there"
+    better = replace(rival, compared=replace(curve.judged, raw=0.99 * curve.judged.raw), sureness=SURE)
+    assert selection._curve(replace(first, tried=(curve, better)), 0.0, 10.0 * loss) == (None, 0.0), "an effect does"
 
 
 def test_what_stands_in_for_an_effect_that_nobody_listed_is_seen_by_what_a_curve_takes_beside_it():
@@ -171,6 +187,35 @@ def test_a_second_effect_of_the_dynamics_must_take_more_than_a_wrong_form_leaves
     assert further(0.3, "dead_zone")
     assert not further(0.3, "dead_zone", "rate_limit")
     assert further(0.2, "rate_limit")
+
+
+def test_a_further_effect_of_the_cores_structure_must_take_more_than_a_rough_core_leaves(dead_zone):
+    before, last = dead_zone.steps[-2].before, dead_zone.steps[-1]
+    present = replace(before, raw=0.2 * before.raw)
+
+    def further(name: str, left: float) -> bool:
+        one = replace(last.tried[0], name=name, gain=0.5, evidence=500.0, sureness=5.0, credit=1.0)
+        one = replace(one, judged=replace(before, raw=left * before.raw))
+        return selection._further(one, replace(last, before=present), before, ("dead_zone",))
+
+    assert further("grade", 0.1)
+    assert not further("resonance", 0.1)
+    assert not further("transport_delay", 0.1)
+    assert further("resonance", 0.04)
+
+
+def test_what_is_far_from_the_share_of_a_further_effect_leaves_no_doubt(dead_zone):
+    last = dead_zone.steps[-1]
+    rest = next(one for one in last.tried if not one.name.startswith(UNNAMED))
+
+    def margin(share: float) -> float:
+        left = replace(last.before, raw=last.before.raw - share * dead_zone.steps[-2].before.raw)
+        much = replace(rest, evidence=500.0, gain=0.3, credit=1.0, judged=left)
+        found = selection.Selected((*dead_zone.steps[:-1], replace(last, tried=(much,))), dead_zone.effects, left, ())
+        return margin_of_the_end(found)
+
+    assert margin(0.5 * selection.LEAST_SHARE) == pytest.approx(0.5 * selection.FURTHER)
+    assert margin(2.0 * selection.LEAST_SHARE) == LEAST_MARGIN
 
 
 def test_a_force_that_is_missing_too_does_not_hide_a_further_effect(grade):

@@ -1,0 +1,61 @@
+"""What stands behind an effect through whose signal every force acts: itself, another cause, or an unknown force."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cruise.identification.structures import parse
+from cruise.validation import mediator
+from cruise.validation.candidates import UNNAMED
+from cruise.validation.mediator import DIRECT, LONELY, MEDIATED, NOISY, TOLD, Through, behind
+from cruise.validation.search import Judged
+from cruise.validation.study import Study, study
+from tests.validation.driving import drive
+
+
+@pytest.fixture(scope="module")
+def begun() -> Study:
+    return study([drive(80.0, 4, 0.1, 0.02)], parse("arx:na=1,nb=3,delay_s=0.4"), None, 0.2)
+
+
+def said(begun: Study, left: float, instead: float, told: float, monkeypatch, **how) -> tuple[Through, float]:
+    """The mediator leaves a share of the loss, the best direct cause takes a share of what it takes instead."""
+    monkeypatch.setattr(mediator, "share_told", lambda *given: told)
+
+    def leaves(share: float, name: str) -> Judged:
+        return replace(begun.base, candidate=name, raw=share * np.ones_like(begun.base.raw))
+
+    direct = leaves(1.0 - instead * (1.0 - left), how.get("name", "grade"))
+    return behind(begun, leaves(1.0, ""), leaves(left, "leakage"), direct, how.get("first", True))
+
+
+@pytest.mark.parametrize(
+    ("left", "instead", "told", "how", "through"),
+    [
+        (0.1, 0.1, 0.9, {}, Through.ITSELF),
+        (0.1, 0.1, TOLD - 0.05, {}, Through.UNRECORDED),
+        (0.1, DIRECT + 0.05, 0.9, {}, Through.RECORDED),
+        (0.1, DIRECT + 0.05, 0.9, {"name": f"{UNNAMED}gear"}, Through.ITSELF),
+        (0.1, DIRECT + 0.05, 0.9, {"name": f"{UNNAMED}gear", "first": False}, Through.RECORDED),
+        (MEDIATED + 0.05, LONELY - 0.05, 0.9, {}, Through.ITSELF),
+        (MEDIATED + 0.05, LONELY - 0.05, TOLD - 0.05, {}, Through.RECORDED),
+        (MEDIATED + 0.05, LONELY + 0.05, 0.9, {}, Through.RECORDED),
+        (MEDIATED + 0.05, LONELY - 0.05, 0.9, {"first": False}, Through.RECORDED),
+        (NOISY + 0.05, LONELY - 0.05, 0.9, {}, Through.RECORDED),
+        (1.1, 0.0, 0.9, {}, Through.RECORDED),
+    ],
+)
+def test_what_it_takes_away_tells_what_stands_behind_it(begun, left, instead, told, how, through, monkeypatch):
+    found, margin = said(begun, left, instead, told, monkeypatch, **how)
+    assert found is through
+    assert (margin > 0.0) is (through is not Through.RECORDED)
+
+
+def test_it_is_the_surer_the_farther_it_is_from_a_limit(begun, monkeypatch):
+    def margin(left: float, instead: float) -> float:
+        return said(begun, left, instead, 0.9, monkeypatch)[1]
+
+    assert margin(0.05, 0.4) > margin(0.2, 0.4) > 0.0, "of what it leaves"
+    assert margin(0.5, 0.05) > margin(0.5, 0.2) > 0.0, "of what another takes"
+    assert margin(0.2, 0.05) == pytest.approx(1.0 - 0.05 / LONELY), "whichever is farther"

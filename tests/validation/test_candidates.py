@@ -270,7 +270,7 @@ def test_an_unnamed_dependence_goes_as_a_whole():
         parts = [effect for effect in grown.effects if effect not in present.effects]
         assert {owner(effect) for effect in parts} == {candidate.name}
         whole = 1 + len(POWERS) + len(PUSHES)
-        several = {INPUT: 2} | dict.fromkeys((SPEED, *BLIND), 1 + len(POWERS))  # what the drive moves pushes nothing
+        several = {INPUT: 2, SPEED: 1 + len(POWERS)}
         assert len(parts) == several.get(candidate.signal, whole)
         assert without(grown, candidate.name) == present
     assert owner(DeadZone()) == "dead_zone"

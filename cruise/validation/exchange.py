@@ -63,7 +63,8 @@ def exchanged(study: Study, name: str, found: Selected, rng: np.random.Generator
         and sureness(one.compared, mine.compared, rng) < APART
     )
     rivals = [one for one in others if one.gain >= LEAST_GAIN]
-    twin = max((one for one in rivals if _twins(mine, one)), key=counted, default=None)
+    twins = [one for one in rivals if _twins(mine, one) and sureness(one.compared, mine.compared, rng) < APART]
+    twin = max(twins, key=counted, default=None)
     if twin is not None:  # physics says more than a little evidence
         alike = (twin.name,)
     return Place(name, min((ahead(mine, one) for one in rivals), default=ENOUGH), alike)

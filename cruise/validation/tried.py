@@ -16,7 +16,9 @@ MUCH: Final = 0.6  # of the present loss: no background takes so much, so that h
 FEW: Final = 0.5  # of it: a little of several effects may take less together, so that half as much again is asked
 LEAST_LEFT: Final = 1e-9  # of the loss: what is left of it where there is no noise at all
 SURE: Final = 1.5  # standard errors of a held-out gain; a few blocks may hold all of it
-BEYOND_DOUBT: Final = 5.0  # standard errors that a background, which has its moments, does not reach
+BEYOND_DOUBT: Final = 5.0  # standard errors that a background, which has its moments, does not reach with
+SOME: Final = 10.0  # evidence,
+ANYHOW: Final = 7.0  # nor so many without
 ALIKE: Final = 20.0  # evidence below which no form of a model is exact enough to decide,
 CLOSE: Final = 0.05  # likewise, of the evidence,
 LOOSE: Final = 1.2  # unless the loss decides
@@ -83,7 +85,8 @@ def asked(gain: float) -> float:
 def enough(one: Tried) -> bool:
     """Whether what a candidate explains is worth naming, sure, and more than a little or beyond doubt."""
     more = one.counted >= asked(one.gain) and one.sureness >= SURE
-    return one.gain >= LEAST_GAIN and (more or (one.counted > 0.0 and one.sureness >= BEYOND_DOUBT))
+    least = BEYOND_DOUBT if one.counted >= SOME else ANYHOW
+    return one.gain >= LEAST_GAIN and (more or (one.counted > 0.0 and one.sureness >= least))
 
 
 def close(first: Tried, one: Tried) -> bool:

@@ -27,7 +27,7 @@ from cruise.validation.foretold import CHANCE
 from cruise.validation.mediator import MEDIATED
 from cruise.validation.search import Judged
 from cruise.validation.study import Study, study
-from cruise.validation.tried import ALIKE, LEAST_GAIN, LOOSE, MUCH, SURE, Tried, enough
+from cruise.validation.tried import ALIKE, ANYHOW, BEYOND_DOUBT, LEAST_GAIN, LOOSE, MUCH, SOME, SURE, Tried, enough
 from tests.validation.driving import GRAVITY_MPS2, drive, wander
 from tools.trial.run import table_without
 
@@ -358,12 +358,20 @@ def test_two_signals_that_move_as_one_are_not_told_apart():
 
 
 def test_a_gain_that_is_not_sure_is_not_named(grade, monkeypatch):
-    for name in ("SURE", "BEYOND_DOUBT"):
+    for name in ("SURE", "BEYOND_DOUBT", "ANYHOW"):
         monkeypatch.setattr(f"cruise.validation.tried.{name}", 2.0 * max(one.sureness for one in grade.steps[0].tried))
     one = diagnose(grade.study)
     assert one.untold  # a great error all the same
     assert one.effects == ()
     assert one.steps[0].tried[0].gain == grade.steps[0].tried[0].gain > LEAST_GAIN
+
+
+def test_little_evidence_needs_more_standard_errors(grade):
+    one = replace(grade.steps[0].tried[0], gain=0.4, credit=1.0)
+    assert enough(replace(one, evidence=SOME, sureness=BEYOND_DOUBT))
+    assert not enough(replace(one, evidence=0.9 * SOME, sureness=BEYOND_DOUBT))
+    assert enough(replace(one, evidence=0.9 * SOME, sureness=ANYHOW))
+    assert not enough(replace(one, evidence=-SOME, sureness=ANYHOW))
 
 
 def test_a_memory_of_the_current_that_no_effect_has_is_unlisted():

@@ -29,7 +29,8 @@ NEEDED: Final = 40.0  # evidence beside it from which something is needed whatev
 NEEDED_SHARE: Final = 0.05  # and of the present loss
 MEDIATED: Final = 0.27  # of the present loss: all that an effect may leave through whose signal every force acts
 NOISY: Final = 0.65  # likewise, where no other cause takes away more than
-LONELY: Final = 0.25  # of what it does, and no effect has been found yet: then noise is most of what it leaves
+LONELY: Final = 0.25  # of what it does, and no effect has been found yet: then noise is most of what it leaves,
+UNSEEN: Final = 0.4  # or no more than so much, where it is a force that nobody recorded
 MORE: Final = 0.8  # of what the best direct cause leaves: with less, and with
 BEYOND: Final = 0.04  # of the present loss, that it must take away beyond the best direct cause: forms may be wrong
 TOLD_BESIDE: Final = 0.7  # of what it takes away beyond that foretold by what is recorded, it is a cause itself
@@ -61,9 +62,10 @@ def behind(study: Study, present: Judged, mediator: Judged, direct: Judged, firs
 
     instead = (present.loss - direct.loss) / taken
     margin = max(1.0 - left / MEDIATED, 1.0 - instead / LONELY if first else 0.0)
+    if left > MEDIATED and margin > 0.0 and told(present.fit.error_mps) >= TOLD:
+        return Through.ITSELF, margin
     if left > MEDIATED:
-        itself = margin > 0.0 and told(present.fit.error_mps) >= TOLD
-        return (Through.ITSELF, margin) if itself else (Through.RECORDED, 0.0)
+        return (Through.UNRECORDED, margin) if margin > 0.0 and left <= UNSEEN else (Through.RECORDED, 0.0)
     nameless = first and direct.candidate.startswith(UNNAMED)
     if instead > (NAMELESS if nameless else DIRECT):
         return Through.RECORDED, 0.0

@@ -8,7 +8,7 @@ import pytest
 from cruise.identification.structures import parse
 from cruise.validation import mediator
 from cruise.validation.candidates import UNNAMED
-from cruise.validation.mediator import DIRECT, LONELY, MEDIATED, NOISY, TOLD, Through, behind
+from cruise.validation.mediator import DIRECT, LONELY, MEDIATED, NOISY, TOLD, UNSEEN, Through, behind
 from cruise.validation.search import Judged
 from cruise.validation.study import Study, study
 from tests.validation.driving import drive
@@ -39,7 +39,9 @@ def said(begun: Study, left: float, instead: float, told: float, monkeypatch, **
         (0.1, DIRECT + 0.05, 0.9, {"name": f"{UNNAMED}gear"}, Through.ITSELF),
         (0.1, DIRECT + 0.05, 0.9, {"name": f"{UNNAMED}gear", "first": False}, Through.RECORDED),
         (MEDIATED + 0.05, LONELY - 0.05, 0.9, {}, Through.ITSELF),
-        (MEDIATED + 0.05, LONELY - 0.05, TOLD - 0.05, {}, Through.RECORDED),
+        (UNSEEN - 0.05, LONELY - 0.05, TOLD - 0.05, {}, Through.UNRECORDED),
+        (UNSEEN + 0.05, LONELY - 0.05, TOLD - 0.05, {}, Through.RECORDED),
+        (UNSEEN - 0.05, LONELY + 0.05, TOLD - 0.05, {}, Through.RECORDED),
         (MEDIATED + 0.05, LONELY + 0.05, 0.9, {}, Through.RECORDED),
         (MEDIATED + 0.05, LONELY - 0.05, 0.9, {"first": False}, Through.RECORDED),
         (NOISY + 0.05, LONELY - 0.05, 0.9, {}, Through.RECORDED),

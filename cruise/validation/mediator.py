@@ -48,7 +48,7 @@ class Through(Enum):
 
 
 def behind(study: Study, present: Judged, mediator: Judged, direct: Judged, first: bool) -> tuple[Through, float]:
-    """What stands behind the mediator, and, where it is a cause itself, how far from its limits it is (0..1).
+    """What stands behind the mediator, and, where that is no other cause, how far from its limits it is (0..1).
 
     `direct` is the best of the other causes, `first` says if none is found yet.
     """
@@ -81,7 +81,7 @@ class Said:
 
     name: str  # of the mediator
     through: Through
-    margin: float  # how far from its limits it is, where it is a cause itself: 1 where it is far
+    margin: float  # how far from its limits it is (0..1), where no other cause stands behind it
     forces: Judged | None  # the explanation with every force known, where something else is needed beside that,
     beside: Mapping[str, Tried]  # and everything as tried there
     refuted: tuple[str, ...]  # those that are no force, where nothing else is needed

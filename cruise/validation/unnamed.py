@@ -24,16 +24,7 @@ POWERS: Final = (1, 2, 3)
 PUSHES: Final = (1, 2)  # powers of what pushes along the ground, whichever way the machine moves
 MOVING_MPS: Final = 0.1  # m/s, below which a load is taken to be held rather than felt
 FARTHEST: Final = 1.5  # half widths; beyond, a cubic says anything
-KNOTS_PCT: Final = (
-    3,
-    10,
-    22,
-    40,
-    60,
-    78,
-    90,
-    97,
-)  # percentiles of the current's size: close where a valve begins and ends
+KNOTS_PCT: Final = (3, 10, 22, 40, 60, 78, 90, 97)  # percentiles of the current's size, closer at both of its ends
 STEERS: Final = 0.02  # of the largest current: with less the machine is meant to stand
 DIRECTION_S: Final = 1.0  # s over which the current's direction is felt
 DIRECTION_MA: Final = 10.0  # mA by which it must have moved

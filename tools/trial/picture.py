@@ -75,5 +75,5 @@ def _reliability(axis: Any, score: Score) -> None:
     axis.set(xlim=(0.0, 1.03), ylim=(0.0, 1.03), xlabel="stated confidence", ylabel="share that was right, 95 %")
     axis.set_aspect("equal")
     axis.grid(alpha=0.3)
-    axis.legend(loc="upper left")
+    axis.legend(loc="lower right")
     axis.set_title(f"reliability, Brier score {score.brier:.3f}", loc="left")

@@ -293,7 +293,10 @@ class Controller:
         low, high = steady_mps(limits.current_min_ma), steady_mps(limits.current_max_ma)
         rate = (high - low) / (limits.current_max_ma - limits.current_min_ma) * limits.rate_max_ma_per_s
         share = settings.predictive.engaging_share if gently else 1.0
-        self.plan = programme.solve(now, reference, Bounds(low, high, rate, share))
+        # As if the drive were quicker by a standard deviation of what its gear leaves open: a plan for a slow one asks
+        # for much, and a quick one gives it.
+        quicker = math.exp(self.observer.pace_std)
+        self.plan = programme.solve(now, reference, Bounds(low, high, rate, share, 1.0 / quicker))
         self.wanted_mps = self.plan.wanted_mps + self._load_mps(state)
         inverse = self.inversion.step(model, self.plan.wanted_mps / gain, state, signals)
         wanted_ma = inverse.nearest(self.wanted_ma)

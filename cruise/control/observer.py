@@ -130,6 +130,11 @@ class DisturbanceObserver:
         """Whether the state is no longer what was kept of it: nothing in the program did that."""
         return self._kept != self._state()
 
+    @property
+    def pace_std(self) -> float:
+        """Standard deviation of ln p: how much quicker or slower the drive may be."""
+        return math.sqrt(self.log_pace_variance)
+
     def pole(self, pole: float) -> float:
         """That of the drive as it is now, for the one that the model gives the gear."""
         return 1.0 - min(math.exp(self.log_pace) * (1.0 - pole), 1.0)

@@ -76,6 +76,7 @@ class Bounds:
     high_mps: float
     rate_mps2: float  # of the drive that is sent
     share: float = 1.0  # of the bounds on acceleration and jerk; less while engaging
+    accel_share: float = 1.0  # of that on acceleration, beside it; less where the drive may be quicker than its model
 
 
 class Programme:
@@ -144,7 +145,7 @@ class Programme:
         accels, jerks, rates = self._counts
         reach = np.concatenate(
             [
-                np.full(accels, bounds.share),
+                np.full(accels, bounds.share * bounds.accel_share),
                 np.full(jerks, bounds.share),
                 np.full(rates, bounds.rate_mps2),
             ]

@@ -365,6 +365,22 @@ def test_it_takes_over_gently_until_it_is_told_otherwise():
     assert hardest(True) < 0.9 * hardest(False)
 
 
+def test_an_acceleration_is_bounded_as_if_the_drive_were_quicker_where_its_gear_is_not_sure():
+    """Fourth gear, whose time constant the ratio alone does not tell, and second, which the model was learned in."""
+
+    def hardest(gear: int, pace_share: float) -> float:
+        settings = ControlSettings(
+            predictive=PredictiveSettings(accel_max_mps2=0.5), observer=ObserverSettings(pace_share=pace_share)
+        )
+        loop = Loop(Machine(gear=gear), settings=settings).by_hand(830.0, 40.0)
+        by_hand_mps = loop.machine.speed_mps
+        loop.engaged(by_hand_mps, 8.0).engaged(0.6 * by_hand_mps, 12.0)
+        return float(abs(np.diff(loop.speeds)).max()) / FRAME_S
+
+    assert hardest(4, 0.25) < 0.9 * hardest(4, 1e-9)
+    assert hardest(2, 0.25) == pytest.approx(hardest(2, 1e-9))
+
+
 def test_the_command_has_little_above_1_hz_with_a_noisy_sensor_too():
     loop = Loop(Machine(band_ma=30.0)).by_hand(700.0, 20.0)
     rng = np.random.default_rng(0)

@@ -1,5 +1,7 @@
 """The programme against a general solver, and its bounds."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import optimize
@@ -88,10 +90,12 @@ def test_it_keeps_the_bounds_of_the_drive():
     assert found.wanted_mps == pytest.approx(1.2)
 
 
-@pytest.mark.parametrize(("share", "expected"), [(1.0, 1.0), (0.5, 0.5)])
-def test_it_keeps_the_predicted_acceleration_as_far_as_it_is_worth(share, expected):
-    law = programme(move_weight=1e-3, excess_weight=1e5, jerk_max_mps3=10.0)
-    found = law.solve(at_rest(), np.full(law.count, 4.0), Bounds(-10.0, 10.0, 100.0, share))
+@pytest.mark.parametrize(
+    ("shares", "jerk_mps3", "expected"), [((1.0, 1.0), 10.0, 1.0), ((0.5, 1.0), 10.0, 0.5), ((1.0, 0.5), 5.0, 0.5)]
+)
+def test_it_keeps_the_predicted_acceleration_as_far_as_it_is_worth(shares, jerk_mps3, expected):
+    law = programme(move_weight=1e-3, excess_weight=1e5, jerk_max_mps3=jerk_mps3)
+    found = law.solve(at_rest(), np.full(law.count, 4.0), Bounds(-10.0, 10.0, 100.0, *shares))
     accel = np.diff(found.speeds_mps[DELAY:]) / FRAME_S
     assert accel.max() == pytest.approx(expected, rel=0.1)
 
@@ -99,6 +103,10 @@ def test_it_keeps_the_predicted_acceleration_as_far_as_it_is_worth(share, expect
 def test_it_keeps_the_predicted_jerk():
     law = programme(move_weight=1e-3, excess_weight=1e5)
     found = law.solve(at_rest(), np.full(law.count, 4.0), WIDE)
+    gentle = law.solve(at_rest(), np.full(law.count, 4.0), replace(WIDE, accel_share=10.0))
+    assert np.abs(np.diff(gentle.speeds_mps[DELAY:], 2)[:3]).max() == pytest.approx(
+        np.abs(np.diff(found.speeds_mps[DELAY:], 2)[:3]).max(), rel=0.1
+    )  # its share is the acceleration's alone
     jerk = np.diff(found.speeds_mps[DELAY:], 2) / FRAME_S**2
     free = programme(move_weight=1e-3, accel_max_mps2=1e3, jerk_max_mps3=1e4)
     rough = np.diff(free.solve(at_rest(), np.full(law.count, 4.0), WIDE).speeds_mps[DELAY:], 2) / FRAME_S**2

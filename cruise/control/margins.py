@@ -89,10 +89,18 @@ class FirstMove:
 
 
 class Law:
-    """What one model's law makes of the measured speed at the frequencies `hz`; gears slow the pole by `pace`."""
+    """What one model's law makes of the measured speed at the frequencies `hz`; gears slow the pole by `pace`.
+
+    `hill` is w, the share by which the observer's gain has moved from its usual one, K_0, to that of a hill, K_1.
+    """
 
     def __init__(
-        self, model: Model, settings: ControlSettings, pace: float = 1.0, hz: np.ndarray | None = None
+        self,
+        model: Model,
+        settings: ControlSettings,
+        pace: float = 1.0,
+        hill: float = 0.0,
+        hz: np.ndarray | None = None,
     ) -> None:
         frame_s = self.frame_s = settings.frame_s
         self.pace = pace
@@ -103,8 +111,9 @@ class Law:
         law = Programme(pole, drive.response, drive.delay, shaper, frame_s, settings.predictive, pace)
         move, share = FirstMove.of(law, depth, order), shaper.share
         seen = DisturbanceObserver(frame_s, settings.observer).filter(pole, pace)
+        gain = seen.gain + hill * (seen.hill_gain - seen.gain)  # K
         q = self._q = np.exp(-2j * math.pi * frame_s * self.hz)
-        left = np.eye(len(SEEN)) - np.outer(seen.gain, SEEN)
+        left = np.eye(len(SEEN)) - np.outer(gain, SEEN)
         late = np.eye(len(SEEN)) - q[:, None, None] * (left @ seen.moves)  # Z
         estimated = np.array([move.speed, move.load, 0.0, 0.0])
         observer = np.linalg.det(late)  # D
@@ -115,7 +124,7 @@ class Law:
             kept -= q * state * share**i * lag ** (order - i)
         self.gain = drive.gain
         self.sent = kept * observer - through * drive.felt(q) * (asked @ left[:, 0])
-        self.measured = through * (asked @ seen.gain)
+        self.measured = through * (asked @ gain)
 
     @property
     def response(self) -> np.ndarray:

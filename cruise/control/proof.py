@@ -3,11 +3,13 @@ taps, and enough margins of the loop that its law would close.
 
 The margins are asked for twice: around the model itself, and, with less, around the models that may be right instead of
 it, the one that drives and the factory's. A gain that was learned too small makes a law that is too strong: it shows
-there.
+there. Each with both gains of the observer, the usual one and that for what lasts, which is the quicker one in a fast
+gear: what lies between them has margins between theirs.
 """
 
 import math
 from collections.abc import Iterator, Sequence
+from itertools import product
 from typing import Annotated
 
 import msgspec
@@ -20,6 +22,7 @@ from cruise.model.model import Model, ModelState
 from cruise.signals import Sample
 
 GEARS = (1.0, 2.0, 3.0, 4.0)
+GAINS = (0.0, 1.0)  # of the observer: its usual one and that of a hill
 Factor = Annotated[float, msgspec.Meta(ge=1.1, le=4)]
 Degrees = Annotated[float, msgspec.Meta(ge=10, le=75)]
 
@@ -47,7 +50,7 @@ class Proof:
                 return
 
     def _findings(self, model: Model, others: Sequence[Model], before: ModelState, sample: Sample) -> Iterator[Finding]:
-        """Of the model alone, in every gear at the present signals, then for each pace of the gears."""
+        """Of the model alone, in every gear at the present signals, then for each pace of the gears and each gain."""
         poles = float(np.abs(model.poles).max(initial=0.0)) if np.isfinite(model.theta).all() else math.inf
         yield Finding("" if poles < 1.0 else "it is not stable", {"room_of_poles": 1.0 - poles})
         gears = [model.apply(before, sample.current_ma, {**sample.signals, "gear": gear}) for gear in GEARS]
@@ -57,8 +60,10 @@ class Proof:
         delay_s = model.period_s * (model.delay + float(np.arange(model.nb) @ taps) / sum(taps))
         within = model.delay <= round(delay_s / model.period_s, 6) <= model.delay + model.nb - 1
         yield Finding("" if within else "its delay is not within its taps", {"delay_s": delay_s})
-        for pace in sorted({state.pace for state in gears}):
-            law = Law(model, self.control, pace)
+        for pace, hill in product(sorted({state.pace for state in gears}), GAINS):
+            if hill and pace == 1.0:  # both gains are one
+                continue
+            law = Law(model, self.control, pace, hill)
             yield self._judged(law.around(model), [law.around(other) for other in others])
 
     def _judged(self, own: Margins, others: Sequence[Margins]) -> Finding:

@@ -42,7 +42,7 @@ def margin(driver, plant):
     return control.margin(control.frd(-driver * plant, omega, smooth=True))
 
 
-def written_out(model, machine, pace):
+def written_out(model, machine, pace, hill=0.0):
     """Controller and machine as they step, frame by frame, in python-control; the loop is opened at the machine."""
     own, other = Drive(model, FRAME_S, pace), Drive(machine, FRAME_S, pace)
     shaper = CommandShaper(SETTINGS.shaping_hz, SETTINGS.shaping_order, FRAME_S)
@@ -50,6 +50,7 @@ def written_out(model, machine, pace):
     depth, order = own.delay + len(own.response), SETTINGS.shaping_order
     move = FirstMove.of(law, depth, order)
     seen = DisturbanceObserver(FRAME_S, SETTINGS.observer).filter(own.pole, pace)
+    gain = seen.gain + hill * (seen.hill_gain - seen.gain)
 
     def controller(state, speed):
         observed, wanted = state[:4], state[4]
@@ -58,7 +59,7 @@ def written_out(model, machine, pace):
         felt = own.response @ drives[own.delay :]
         expected = seen.moves @ observed
         expected[0] += (1.0 - own.pole) * felt
-        observed = expected + seen.gain * (speed - expected[0] - expected[3])
+        observed = expected + gain * (speed - expected[0] - expected[3])
         wanted = (
             move.speed * observed[0]
             + move.drives @ drives
@@ -84,11 +85,22 @@ def written_out(model, machine, pace):
     )
 
 
-@pytest.mark.parametrize(("factor", "pace"), [(1.0, PACES[0]), (1.6, PACES[0]), (0.5, PACES[1]), (1.0, PACES[2])])
-def test_the_margins_are_those_of_python_control(factor, pace):
+@pytest.mark.parametrize(
+    ("factor", "pace", "hill"),
+    [
+        (1.0, PACES[0], 0.0),
+        (1.6, PACES[0], 0.0),
+        (0.5, PACES[1], 0.0),
+        (1.0, PACES[2], 0.0),
+        (1.0, PACES[1], 1.0),
+        (1.3, PACES[2], 1.0),
+        (1.0, PACES[2], 0.4),
+    ],
+)
+def test_the_margins_are_those_of_python_control(factor, pace, hill):
     machine = with_gain(MODEL, factor)
-    driver, plant = written_out(MODEL, machine, pace)
-    found = Law(MODEL, SETTINGS, pace).around(machine)
+    driver, plant = written_out(MODEL, machine, pace, hill)
+    found = Law(MODEL, SETTINGS, pace, hill).around(machine)
     gain, phase_deg, _, crossover = margin(driver, plant)
     assert found.gain == pytest.approx(gain, rel=0.01)
     assert found.phase_deg == pytest.approx(phase_deg, abs=0.5)
@@ -121,7 +133,7 @@ def test_the_response_is_that_of_the_controller_that_drives(hz, gear):
     """A ripple of the speed, small enough that nothing is limited and the observer stays calm; the current flows."""
     signals = {"gear": gear}
     ratio = GEARS.ratio(gear)
-    law = Law(MODEL, SETTINGS, GEARS.pace(signals, ()), np.array([hz]))
+    law = Law(MODEL, SETTINGS, GEARS.pace(signals, ()), hz=np.array([hz]))
     controller = Controller(MODEL, SETTINGS)
     frames = round(max(30.0, 6.0 / hz) / FRAME_S)
     rippled = 0.002 * np.sin(2.0 * math.pi * hz * FRAME_S * np.arange(frames))

@@ -39,7 +39,7 @@ def test_the_factory_model_may_drive_in_every_gear():
     found = findings(FACTORY)
     assert against(FACTORY) == ""
     judged = [one.figures for one in found if "gain_margin" in one.figures]
-    assert len(judged) == 3  # first and second gear have the same pace
+    assert len(judged) == 5  # first and second gear have the same pace; the others each gain of the observer
     for figures in judged:
         assert figures["gain_margin"] == figures["wrong_gain_margin"] > 1.8
         assert figures["phase_margin_deg"] > 40.0
@@ -65,6 +65,16 @@ def test_what_may_not_drive_is_refused_with_its_reason(model, why):
 def test_the_margin_around_the_one_that_drives_counts_too():
     assert against(changed(factor=0.7)) == ""
     assert against(changed(factor=0.7), (FACTORY, changed(factor=1.6))) == "its margins are too small"
+
+
+def test_the_margins_with_the_gain_for_what_lasts_count_too(monkeypatch: pytest.MonkeyPatch):
+    """A model of which only fourth gear's loop around the factory's machine is too near its end, on a hill."""
+    weak = changed(factor=1.0 / 1.55)
+    found = findings(weak)
+    assert found[-1].against == "its margins are too small"
+    assert found[-1].figures["wrong_gain_margin"] < 1.3 < found[-2].figures["wrong_gain_margin"]
+    monkeypatch.setattr("cruise.control.proof.GAINS", (0.0,))
+    assert against(weak) == ""
 
 
 def test_the_least_margins_are_settings():

@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 
 import msgspec
 
@@ -19,6 +19,8 @@ from cruise.estimation.shadow import Horizon, Passed, Shadow
 from cruise.model.model import Model, ModelState
 from cruise.settings import Positive
 from cruise.signals import Sample
+
+LAST_DECISIONS: Final = 20  # kept: those of the last minutes; what a run counts of them is in its statistics
 
 
 class SupervisionSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -88,7 +90,7 @@ class Supervisor:
         self._findings: Iterator[Finding] | None = None
         self._figures: dict[str, float] = {}
         self.adoptions = 0
-        self.decisions: deque[Decision] = deque(maxlen=100)
+        self.decisions: deque[Decision] = deque(maxlen=LAST_DECISIONS)
 
     @property
     def driving(self) -> Model:

@@ -17,6 +17,8 @@ from typing import Final
 
 import msgspec
 
+from cruise.control.lateness import Lateness
+from cruise.control.usual import UsualShares
 from cruise.settings import Positive, refuse_wide
 
 WINDOW_S: Final = 0.25  # s of commands with which the measured current is compared: time-out of the drive and a frame
@@ -37,8 +39,10 @@ class PlausibilitySettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unk
     current_ma: Positive = 40.0  # mA, regulator's error and noise: 3 % of the range
     # mA by which that error may change at once: 3 % of a change of the current by 300 mA are 9
     current_change_ma: Positive = 15.0
+    late_ma: Positive = 2.0  # mA RMS by which a delay beyond the time-out explains the current better; noise makes 0.3
     speed_mps: Positive = 0.12  # m/s, noise and the radar's delay in a quick change
     speed_share: Positive = 0.04  # of the speed, scale of a radar: data sheets give 3..5 %
+    speed_change_mps: Positive = 0.08  # m/s beyond what is usual between them; noise and slopes make 0.03
     slip_share: Positive = 0.15  # of the speed, more by which wheels may run ahead where no radar is there to tell
     accel_mps2: Positive = 4.0  # m/s2, the tyres give about 0.4 g
     engine_rpm_per_s: Positive = 1500.0  # 1/min per s, free run-up of a diesel of this class
@@ -49,13 +53,16 @@ class PlausibilitySettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unk
     # m/s that 5 degrees and soft soil take in the slow gears (0.2); a fast one loses more by equation 12, over alpha
     disturbance_mps: Positive = 0.25
     disturbance_share: Positive = 0.3  # of the speed, the model's error
-    jump_mps: Positive = 0.3  # m/s within 0.2 s that no command explains: 1.5 m/s2; rolling freely on 5 degrees is 0.17
+    # m/s within 0.2 s that no command explains, half of it within 0.1 s: 1.5 m/s2; rolling freely on 5 degrees is 0.17,
+    # noise makes 0.15 and 0.08
+    jump_mps: Positive = 0.3
     # m/s within 0.4 s more than in the 0.4 s before, while the drive rests: a force of 0.5 m/s2 that comes at once;
     # a hill of 8 degrees that comes within 2.5 s makes 0.09
     force_mps: Positive = 0.2
     behind_mps: Positive = 0.3  # m/s that the machine may be behind the reference
     crowd: Positive = 1.6  # of the frames of a message in the second before engaging: more is a second sender
     faulty_share: Positive = 0.5  # of the last frames of a protected message
+    repeated: Positive = 24.0  # frames of the drive in the order of an earlier stretch; two of noise alone are rare
     wavering: Positive = 2.5  # times in a second: an operator may change his mind twice
     pace: Positive = 1.5  # of the program's own period
 
@@ -81,6 +88,7 @@ class Seen:
     alpha: float  # equation 12: 1 in the slow gears, less in those that a hill slows down more
     crowding: float  # the busiest message's frames in the last second over those before engaging
     faulty_share: float  # of the last frames of the worst protected message
+    repeated: int  # frames of the drive in a row that came before, in the same order
     imposters: int  # frames of our own messages that we did not send
     wavering: int  # times in the last second that the setpoint went back to the one before
     upset: bool  # what is kept twice (state of the observer, model, current sent last) is no longer the same
@@ -133,6 +141,7 @@ class Memory:
     """What the checks need of the past."""
 
     frame_s: float
+    settings: PlausibilitySettings
     textures: dict[str, Texture] = field(default_factory=lambda: {name: Texture() for name in TEXTURED})
     commands: deque[tuple[float, float]] = field(default_factory=deque)  # time and current, while the controller drives
     error_ma: float = math.nan  # of the output stage, NaN while its command moves
@@ -140,6 +149,12 @@ class Memory:
     smooth: list[float] = field(default_factory=lambda: [math.nan] * 3)  # speed, wheel, radar
     past: deque[tuple[float, float, float]] = field(default_factory=deque)  # time, speed, engine speed
     unexpected: deque[float] = field(default_factory=deque)  # m/s, by frame
+    usual: UsualShares = field(init=False)
+    lateness: Lateness = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.usual = UsualShares(self.frame_s)
+        self.lateness = Lateness(self.frame_s, WINDOW_S)
 
     def take(self, seen: Seen) -> None:
         """One frame period on."""
@@ -160,6 +175,12 @@ class Memory:
         while self.commands and seen.time_s - self.commands[0][0] > WINDOW_S + 1e-6:
             self.commands.popleft()
         self._regulated(seen)
+        self.lateness.take(seen.commanded_ma, seen.current_ma)
+        speed, wheel, radar = self.smooth
+        slips = not math.isfinite(radar)  # and nothing is there to tell
+        self.usual.take(
+            speed, (math.nan if slips else wheel, radar), self.settings.speed_change_mps, self.settings.speed_share
+        )
 
     def unexpected_mps(self, from_s: float, to_s: float) -> float:
         """What no command explains of the change of the speed, from so long ago to so long ago."""
@@ -223,6 +244,12 @@ def _force(seen: Seen, memory: Memory, settings: PlausibilitySettings) -> float:
     return seen.calm * abs(more_mps) / settings.force_mps
 
 
+def _jump(seen: Seen, memory: Memory, settings: PlausibilitySettings) -> float:
+    """The same rate over the whole time and over half of it: what comes within a frame or two is no mass that moves."""
+    whole_mps, half_mps = (abs(memory.unexpected_mps(from_s, 0.0)) for from_s in (JUMP_S, 0.5 * JUMP_S))
+    return max(whole_mps, 2.0 * half_mps) / settings.jump_mps
+
+
 def _response(seen: Seen, memory: Memory, settings: PlausibilitySettings) -> float:
     allowed = settings.disturbance_mps / seen.alpha + settings.disturbance_share * abs(seen.speed_mps)
     return abs(seen.disturbance_mps) / allowed
@@ -242,6 +269,8 @@ CHECKS: Final = (
     Check("another node sends our messages", lambda seen, memory, settings: math.inf if seen.imposters else 0.0, 0.0),
     Check("frames of a message come damaged or out of order", lambda seen, memory, settings:
           seen.faulty_share / settings.faulty_share, 0.0),
+    Check("the drive's frames were heard before", lambda seen, memory, settings:
+          seen.repeated / settings.repeated, 0.0),
     Check("a message has a second sender", lambda seen, memory, settings: seen.crowding / settings.crowd, 0.0, True),
     Check("two setpoints take turns", lambda seen, memory, settings: seen.wavering / settings.wavering, 0.0),
     Check("the program's memory changed by itself", lambda seen, memory, settings:
@@ -249,7 +278,11 @@ CHECKS: Final = (
     Check("the program gets too little time", lambda seen, memory, settings: seen.pace / settings.pace, 0.0),
     Check("the current does not follow its command", _current, 0.1, True),
     Check("the current has left its command", _regulation, 0.05, True),
+    Check("the current is late behind its command", lambda seen, memory, settings:
+          memory.lateness.late_ma / settings.late_ma, 0.1, True),
     Check("the drive's speed is not that of wheel and ground", _speeds, 0.3),
+    Check("the drive's speed has left that of wheel and ground", lambda seen, memory, settings:
+          memory.usual.used, 0.3),
     Check("the speed changes faster than tyres allow", lambda seen, memory, settings:
           _rate(memory, 1) / settings.accel_mps2, 0.1),
     Check("the engine speed changes faster than it can", lambda seen, memory, settings:
@@ -257,8 +290,7 @@ CHECKS: Final = (
     Check("a sensor is too noisy", lambda seen, memory, settings: _rough(memory, settings), 0.2),
     Check("a sensor is frozen", _frozen, 0.0, True),
     Check("current and speed do not fit the model", _response, 0.3),
-    Check("the speed changes as no command did", lambda seen, memory, settings:
-          abs(memory.unexpected_mps(JUMP_S, 0.0)) / settings.jump_mps, 0.0, True),
+    Check("the speed changes as no command did", _jump, 0.0, True),
     Check("a force came at once, as no hill does", _force, 0.0, True),
     Check("the machine does not follow", lambda seen, memory, settings:
           (seen.followed_mps - seen.speed_mps) / (settings.behind_mps + 0.1 * abs(seen.speed_mps)), 1.0, True),
@@ -270,7 +302,7 @@ class Plausibility:
 
     def __init__(self, settings: PlausibilitySettings, frame_s: float) -> None:
         self.settings = settings
-        self.memory = Memory(frame_s)
+        self.memory = Memory(frame_s, settings)
         self.since_s: dict[str, float] = {}
         self.contradiction = ""
 

@@ -252,6 +252,7 @@ class CruiseNode:
             alpha=controller.state.pace if controller.state is not None else 1.0,
             crowding=self.hearing.crowding(frame.time_s),
             faulty_share=self.hearing.faulty_share,
+            repeated=self.hearing.playback.repeated,
             imposters=self.hearing.imposters,
             wavering=self.hearing.wavering(frame.time_s),
             upset=controller.upset or controller.adopted is not self.supervisor.driving,

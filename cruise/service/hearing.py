@@ -12,6 +12,7 @@ from cruise.can.codec import Codec, Decoded
 from cruise.can.frame import Frame, FrameFault
 from cruise.can.messages import CONTRACTS, FAST_MESSAGE
 from cruise.sampling import SamplingSettings
+from cruise.service.playback import Playback
 from cruise.signals import INPUT, OUTPUT, Reading
 
 RADAR: Final = "radar_speed_mps"  # the ground speed that is not the drive's own
@@ -40,6 +41,7 @@ class Hearing:
         self.faults: Counter[str] = Counter()
         self.imposters = 0  # intact frames of our own messages, since the start
         self.damaged = {name: deque([False] * LAST_FRAMES, maxlen=LAST_FRAMES) for name in PROTECTED}
+        self.playback = Playback()  # of the drive's message
         self.arrivals: dict[str, deque[float]] = {}
         self.pressed = dict.fromkeys(ENGAGING, 0.0)  # as the last frame has it
         self.words: deque[float] = deque(maxlen=3)  # the last setpoints
@@ -53,6 +55,8 @@ class Hearing:
             self.faults[str(decoded.fault)] += 1
         if decoded.message is not None:
             self._note(decoded.message, decoded, frame.timestamp)
+        if decoded.message == FAST_MESSAGE and decoded.fault is None:
+            self.playback.take(tuple([reading.value for reading in decoded.readings]))
         kept = []
         for reading in decoded.readings:
             if reading.name in ignored:

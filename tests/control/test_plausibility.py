@@ -25,6 +25,7 @@ TRUE = Seen(
     alpha=1.0,
     crowding=1.0,
     faulty_share=0.0,
+    repeated=0,
     imposters=0,
     wavering=0,
     upset=False,
@@ -35,9 +36,11 @@ Lie = Callable[[Seen, float], Seen]
 """What is seen, and for how long the lie has been there in s, to what is seen with the lie in it."""
 
 
-def found(lie: Lie, seconds: float = 3.0, noise: dict[str, float] = NOISE) -> tuple[str, float]:
+def found(
+    lie: Lie, seconds: float = 3.0, noise: dict[str, float] = NOISE, settings: PlausibilitySettings | None = None
+) -> tuple[str, float]:
     """The first contradiction and when it was found; three seconds of truth before."""
-    plausibility, dice = Plausibility(PlausibilitySettings(), FRAME_S), Random(1)
+    plausibility, dice = Plausibility(settings or PlausibilitySettings(), FRAME_S), Random(1)
     for k in range(1, round((3.0 + seconds) / FRAME_S) + 1):
         now_s = k * FRAME_S
         lying = now_s > 3.0
@@ -53,11 +56,17 @@ def found(lie: Lie, seconds: float = 3.0, noise: dict[str, float] = NOISE) -> tu
     return "", math.nan
 
 
+def swinging(time_s: float) -> float:
+    """A command that stays near 800 mA: what comes late is not off by much."""
+    return 800.0 + 20.0 * math.sin(2.0 * time_s)
+
+
 LIES: dict[str, tuple[Lie, float]] = {
     "another node sends our messages": (lambda seen, s: replace(seen, imposters=1), 0.0),
     "two setpoints take turns": (lambda seen, s: replace(seen, wavering=3), 0.0),
     "the program's memory changed by itself": (lambda seen, s: replace(seen, upset=True), 0.0),
     "frames of a message come damaged or out of order": (lambda seen, s: replace(seen, faulty_share=0.6), 0.0),
+    "the drive's frames were heard before": (lambda seen, s: replace(seen, repeated=25), 0.0),
     "a message has a second sender": (lambda seen, s: replace(seen, crowding=1.7), 0.0),
     "the program gets too little time": (lambda seen, s: replace(seen, pace=1.6), 0.0),
     "the current does not follow its command": (
@@ -65,6 +74,11 @@ LIES: dict[str, tuple[Lie, float]] = {
         0.1,
     ),
     "the current has left its command": (lambda seen, s: replace(seen, current_ma=820.0), 0.05),
+    "the current is late behind its command": (
+        lambda seen, s: replace(seen, commanded_ma=swinging(s), current_ma=swinging(s - 0.35)),
+        1.5,
+    ),
+    "the drive's speed has left that of wheel and ground": (lambda seen, s: replace(seen, speed_mps=1.36), 0.7),
     "the drive's speed is not that of wheel and ground": (
         lambda seen, s: replace(seen, speed_mps=1.5 - 0.4 * min(s, 1.0)),
         1.3,
@@ -90,8 +104,16 @@ def test_a_check_finds_its_lie_in_time(check):
 
 
 def test_a_drive_that_shows_too_little_does_not_pass_for_one_whose_wheels_slip():
-    said, _ = found(lambda seen, s: replace(seen, speed_mps=1.5 - 0.25 * min(s, 1.0)))
+    settings = PlausibilitySettings(speed_change_mps=0.24)  # a habit is not what tells here
+    said, _ = found(lambda seen, s: replace(seen, speed_mps=1.5 - 0.25 * min(s, 1.0)), settings=settings)
     assert said == "the drive's speed is not that of wheel and ground"
+
+
+def test_a_speed_that_jumps_within_two_frames_is_found_at_once():
+    """All sensors alike, 0.16 m/s: less than 0.2 s allow."""
+    said, after_s = found(lambda seen, s: replace(seen, unexpected_mps=0.08 if s < 0.11 else 0.01))
+    assert said == "the speed changes as no command did"
+    assert after_s == pytest.approx(2 * FRAME_S)
 
 
 @pytest.mark.parametrize("name", NOISE)
@@ -106,6 +128,11 @@ def test_every_check_is_tried_above():
     assert {check.name for check in CHECKS} == {*LIES, "a sensor is too noisy", "a sensor is frozen"}
 
 
+def swing_mps(time_s: float) -> float:
+    """Up and down again, at 0.8 m/s2."""
+    return 0.4 * min(max(2.0 * time_s, 0.0), 1.0, max(2.0 - 2.0 * (time_s - 1.0), 0.0) / 2.0)
+
+
 HARMLESS: dict[str, Lie] = {
     "the truth": lambda seen, s: seen,
     "the command moves at its greatest rate and the current a frame later": lambda seen, s: replace(
@@ -113,6 +140,19 @@ HARMLESS: dict[str, Lie] = {
     ),
     "an output stage that gives 3 % more, as always, at another current": lambda seen, s: replace(
         seen, commanded_ma=800.0 - min(200.0 * s, 300.0), current_ma=800.0 - 1.03 * min(200.0 * s, 300.0)
+    ),
+    "the current comes a time-out late": lambda seen, s: replace(
+        seen, commanded_ma=swinging(s), current_ma=swinging(s - 0.25)
+    ),
+    "the current is not what was commanded, and in time": lambda seen, s: replace(
+        seen, commanded_ma=swinging(s), current_ma=80.0 + 0.9 * swinging(s - 0.1)
+    ),
+    "two quick changes of the speed, and wheel and radar come later": lambda seen, s: replace(
+        seen,
+        speed_mps=1.5 + swing_mps(s),
+        wheel_mps=1.55 + swing_mps(s - 0.15),
+        radar_mps=1.5 + swing_mps(s - 0.15),
+        followed_mps=1.3,
     ),
     "wheels slip uphill": lambda seen, s: replace(seen, wheel_mps=1.8, radar_mps=1.5),
     "wheels slip, and there is no radar": lambda seen, s: replace(seen, wheel_mps=1.83, radar_mps=math.nan),

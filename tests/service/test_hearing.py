@@ -1,6 +1,7 @@
 """What the service hears: the newest reading as long as it counts, and how the frames behave that bring it."""
 
 import math
+from random import Random
 
 import pytest
 
@@ -109,3 +110,24 @@ def test_a_button_that_stays_unknown_is_unknown():
     for number, pressed in enumerate((1.0, 1.0, math.nan, math.nan)):
         ears.take(codec().encode("CCVS", {"cruise_set": pressed}, 1.0 + 0.1 * number))
         assert math.isnan(ears.value("cruise_set", 1.0 + 0.1 * number)) == (number == 3)
+
+
+def test_frames_of_the_drive_that_come_again_are_heard_whatever_their_counters_say():
+    """Eleven frames in a circle: the counter jumps once in a round; 1.2 s of other frames before."""
+    ears, voice, rng = hearing(), codec(), Random(1)
+    for k in range(60):
+        ears.take(voice.encode("DriveFeedback", spoken(rng), 0.02 * k))
+    assert ears.playback.repeated < 3
+    circle = [voice.encode("DriveFeedback", spoken(rng), 1.2 + 0.02 * k) for k in range(11)]
+    for _ in range(4):
+        for frame in circle:
+            ears.take(frame)
+    assert ears.playback.repeated > 24
+    assert ears.faulty_share < 0.3
+    ears.take(voice.encode("DriveFeedback", spoken(rng), 2.1))
+    assert ears.playback.repeated == 0
+
+
+def spoken(rng: Random) -> dict[str, float]:
+    """What the drive says, with its noise."""
+    return {"ground_speed_mps": rng.gauss(1.5, 0.015), "pump_current_ma": rng.gauss(800.0, 1.0)}

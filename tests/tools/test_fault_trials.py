@@ -64,6 +64,21 @@ def test_a_fault_is_noticed(fault):
     assert SELECTION[fault] in found.how
 
 
+@pytest.mark.parametrize(
+    ("fault", "seed", "how"),
+    [
+        ("traffic played back", 50005, "the drive's frames were heard before"),  # its counters jump in one of 11 frames
+        ("current late", 9008, "the current is late behind its command"),  # by 0.34 s, while it moves slowly
+        ("every speed biased", 9008, "the speed changes as no command did"),  # by 0.2 m/s at once, in fourth gear
+        ("speed biased", 20008, "the drive's speed has left that of wheel and ground"),  # by 0.17 m/s, so too
+    ],
+)
+def test_what_was_silent_once_is_noticed(fault, seed, how):
+    found = trial.run(Plan.of(FAULTS[fault], seed))
+    assert found.verdict in ("detected", "refused")
+    assert how in found.how
+
+
 def _is_heavy(plan: Plan) -> bool:
     """While cruise drives, and for good."""
     return plan.from_s > manoeuvre(plan.seed).engage_s + 2.0 and math.isinf(plan.to_s)

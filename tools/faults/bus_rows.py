@@ -60,7 +60,7 @@ BUS: Final = (
     FaultRow(
         "traffic played back",
         "a stretch of the past over and over",
-        COUNTER,
+        f"{COUNTER}; noise that comes again",
         lambda r: traffic.Replayed(r.randrange(5, 40)),
     ),
     FaultRow(

@@ -14,10 +14,11 @@ from cruise.validation.mediator import MEDIATED
 from cruise.validation.search import Judged, gain
 from cruise.validation.study import Study
 from cruise.validation.tried import (
+    BEYOND_DOUBT,
     ENOUGH,
+    FEW,
     LEAST_GAIN,
     LOOSE,
-    MUCH,
     SURE,
     Step,
     Tried,
@@ -34,9 +35,10 @@ from cruise.validation.unnamed import SPEED
 FURTHER: Final = 75.0  # evidence from which a further effect is one, as no form of the first is exact,
 LEAST_FURTHER: Final = 0.25  # likewise, of the present loss,
 LEAST_SHARE: Final = 0.04  # and of the loss before the effect that was found last, whose form may be as wrong;
-LEAST_DYNAMIC: Final = 0.25  # the same share for two that change the dynamics, where no core's form is exact, either,
+LEAST_DYNAMIC: Final = 0.1  # the same share for two that change the dynamics, where no core's form is exact, either,
 LEAST_STRUCTURAL: Final = 0.15  # and for one of the core's own structure, beside which something else was found;
-PLAINLY: Final = (12.0, 0.3, 0.1)  # or evidence times gain, where it takes more of both: no wrong form leaves so much
+PLAINLY: Final = (12.0, 0.3, 0.1)  # or evidence times gain, where it takes more of both: no wrong form leaves so much;
+ALL_OF_IT: Final = 0.85  # of what is left above the noise: what takes more of it needs only be more than `LEAST_SHARE`
 LEAST_CURVED: Final = 0.45  # of the loss, that a free curve must explain to have the word
 CURVED: Final = (60.0, 0.05)  # evidence, and share of it, by which a free curve must exceed all effects
 FAR: Final = 0.25  # of what all effects leave above the noise: a curve that leaves less has the word, and
@@ -140,7 +142,9 @@ def _further(one: Tried, step: Step, before: Judged, chosen: Sequence[str]) -> b
     if share < least_share(one.name, chosen):
         return False
     evidence, least, much = PLAINLY
-    if one.gain >= least and one.sureness >= SURE and share >= much:
+    left = step.before.loss - step.background.noise
+    whole = one.sureness >= BEYOND_DOUBT and step.before.loss - one.judged.loss >= ALL_OF_IT * left
+    if one.gain >= least and one.sureness >= SURE and (share >= much or whole):
         return one.counted * one.gain >= evidence
     share_of_it = one.gain if step.forces is None else max(one.gain, gain(step.forces, one.compared))
     return enough(one) and one.counted >= FURTHER and share_of_it >= LEAST_FURTHER
@@ -175,7 +179,7 @@ def _pair(study: Study, alone: Step, rng: np.random.Generator, show: Show) -> _P
             both = together(alone, second.judged, [first.name, second.name])
             other = next((one.counted for one in named if one.name == second.name), 0.0)
             gained = 1.0 - second.judged.loss / alone.before.loss
-            if both >= ENOUGH and gained >= MUCH and both - max(first.counted, other) >= 0.5 * ENOUGH:
+            if both >= ENOUGH and gained >= FEW and both - max(first.counted, other) >= 0.5 * ENOUGH:
                 found.append((both, _Pair(first, step, second)))
     return max(found, key=lambda one: one[0])[1] if found else None
 

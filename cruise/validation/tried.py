@@ -15,7 +15,11 @@ LEAST_GAIN: Final = 0.15  # of the present loss: errors that fall by less than 8
 MUCH: Final = 0.6  # of the present loss: no background takes so much, so that half the evidence is enough,
 FEW: Final = 0.5  # of it: a little of several effects may take less together, so that half as much again is asked
 LEAST_LEFT: Final = 1e-9  # of the loss: what is left of it where there is no noise at all
-SURE: Final = 1.5  # standard errors of a held-out gain; a few blocks may hold all of it
+SURE: Final = 1.5  # standard errors of a held-out gain; a few blocks may hold all of it,
+RARE: Final = (
+    1.0,
+    2.0,
+)  # as those of a stop do that is seldom reached: with so many times the evidence, fewer are enough
 BEYOND_DOUBT: Final = 5.0  # standard errors that a background, which has its moments, does not reach with
 SOME: Final = 10.0  # evidence,
 ANYHOW: Final = 7.0  # nor so many without
@@ -84,7 +88,9 @@ def asked(gain: float) -> float:
 
 def enough(one: Tried) -> bool:
     """Whether what a candidate explains is worth naming, sure, and more than a little or beyond doubt."""
+    rare, times = RARE
     more = one.counted >= asked(one.gain) and one.sureness >= SURE
+    more |= one.counted >= times * asked(one.gain) and one.sureness >= rare
     least = BEYOND_DOUBT if one.counted >= SOME else ANYHOW
     return one.gain >= LEAST_GAIN and (more or (one.counted > 0.0 and one.sureness >= least))
 

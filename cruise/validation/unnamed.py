@@ -24,7 +24,18 @@ POWERS: Final = (1, 2, 3)
 PUSHES: Final = (1, 2)  # powers of what pushes along the ground, whichever way the machine moves
 MOVING_MPS: Final = 0.1  # m/s, below which a load is taken to be held rather than felt
 FARTHEST: Final = 1.5  # half widths; beyond, a cubic says anything
-KNOTS_PCT: Final = (3, 10, 22, 40, 60, 78, 90, 97)  # percentiles of the current's size, closer at both of its ends
+KNOTS_PCT: Final = (
+    1,
+    4,
+    10,
+    22,
+    38,
+    55,
+    72,
+    86,
+    95,
+    99,
+)  # percentiles of the current's size, closer at both of its ends
 STEERS: Final = 0.02  # of the largest current: with less the machine is meant to stand
 DIRECTION_S: Final = 1.0  # s over which the current's direction is felt
 DIRECTION_MA: Final = 10.0  # mA by which it must have moved
@@ -152,6 +163,8 @@ class UnnamedCurve(Effect):
     p5: float = 0.0
     p6: float = 0.0
     p7: float = 0.0
+    p8: float = 0.0
+    p9: float = 0.0
     reverse: float = 0.0
 
     def reshaped(self, **shape: Any) -> "UnnamedCurve":
@@ -159,7 +172,7 @@ class UnnamedCurve(Effect):
 
     def step(self, value: Value, past_speed: Value, signals: Signals, state: State, dt_s: float) -> tuple[Value, State]:
         """The current with its slope changed at every knot."""
-        shares = (self.p0, self.p1, self.p2, self.p3, self.p4, self.p5, self.p6, self.p7)
+        shares = (self.p0, self.p1, self.p2, self.p3, self.p4, self.p5, self.p6, self.p7, self.p8, self.p9)
         lost = sum(share * clip(value, -knot, knot) for share, knot in zip(shares, self.knots_ma, strict=True))
         return value - lost - self.reverse * clip(value, -math.inf, 0.0), state
 

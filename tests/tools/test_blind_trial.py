@@ -104,7 +104,7 @@ def test_a_size_is_found_once_and_known_then(monkeypatch):
 
     class Study:
         def __init__(self, trial) -> None:
-            (self.size,) = (one.size for one in trial.effects)
+            (self.size,) = (one.size for one in trial.effects) if trial.effects else (0.0,)  # the twin
             self.base = Judged(1.0 + (self.size / 0.05) ** 3)
 
     def simulate(trial):
@@ -133,9 +133,13 @@ def test_a_size_is_found_once_and_known_then(monkeypatch):
     missed = sized("clean", "grade", "large", 9)
     assert missed.miss is not None
     assert "4 times is not reached" in missed.miss.why
-    assert len(simulated) == MOST_STEPS
+    assert len(simulated) == MOST_STEPS + 1, "the twin, too"
     assert sized("clean", "grade", "large", 9, [missed.miss]).miss == missed.miss
-    assert len(simulated) == MOST_STEPS
+    assert len(simulated) == MOST_STEPS + 1
+
+    wrong = [Point(tier="clean", effect="grade", seed=10, size=0.1, ratio=4.0, left=1.1 * sizing.MOST_LEFT)]
+    monkeypatch.setattr(sizing, "with_truth", lambda study, effects: Judged(1.0))
+    assert sized("clean", "grade", "large", 10, wrong).tried, "there the true structure is not true"
 
 
 def test_an_effect_in_no_table_is_measured_by_its_twin(monkeypatch):

@@ -10,7 +10,7 @@ from cruise.effects import EFFECTS, Stage
 from cruise.effects.dead_zone import DeadZone
 from cruise.identification.structures import parse
 from cruise.report.diagnosis import sentence
-from cruise.validation import selection
+from cruise.validation import selection, tried
 from cruise.validation.candidates import UNNAMED
 from cruise.validation.confidence import (
     CURVES,
@@ -27,7 +27,20 @@ from cruise.validation.foretold import CHANCE
 from cruise.validation.mediator import MEDIATED
 from cruise.validation.search import Judged
 from cruise.validation.study import Study, study
-from cruise.validation.tried import ALIKE, ANYHOW, BEYOND_DOUBT, LEAST_GAIN, LOOSE, MUCH, SOME, SURE, Tried, enough
+from cruise.validation.tried import (
+    ALIKE,
+    ANYHOW,
+    BEYOND_DOUBT,
+    LEAST_GAIN,
+    LOOSE,
+    MUCH,
+    RARE,
+    SOME,
+    SURE,
+    Tried,
+    asked,
+    enough,
+)
 from tests.validation.driving import GRAVITY_MPS2, drive, wander
 from tools.trial.run import table_without
 
@@ -184,9 +197,28 @@ def test_a_second_effect_of_the_dynamics_must_take_more_than_a_wrong_form_leaves
             replace(one, credit=1.0, judged=replace(before, raw=left * before.raw)), last, before, chosen
         )
 
-    assert further(0.3, "dead_zone")
-    assert not further(0.3, "dead_zone", "rate_limit")
-    assert further(0.2, "rate_limit")
+    little, more = (0.5 - share * selection.LEAST_DYNAMIC for share in (0.9, 1.1))
+    assert further(little, "dead_zone")
+    assert not further(little, "dead_zone", "rate_limit")
+    assert further(more, "rate_limit")
+
+
+def test_what_takes_all_that_is_left_above_the_noise_is_a_further_effect_though_its_share_is_small(dead_zone):
+    before, last = (
+        dead_zone.steps[-2].before,
+        replace(dead_zone.steps[-1], background=copy(dead_zone.steps[-1].background)),
+    )
+    present = replace(before, raw=0.12 * before.raw)
+    last.background.noise = 0.04 * before.loss
+
+    def further(left: float, sureness: float) -> bool:
+        one = replace(last.tried[0], name="coulomb_friction", gain=0.5, evidence=50.0, sureness=sureness, credit=1.0)
+        one = replace(one, judged=replace(before, raw=left * before.raw))
+        return selection._further(one, replace(last, before=present), before, ("dead_zone",))
+
+    assert further(0.045, 1.1 * BEYOND_DOUBT), "nine tenths of what is left above the noise"
+    assert not further(0.045, 0.9 * BEYOND_DOUBT), "not sure beyond doubt"
+    assert not further(0.06, 1.1 * BEYOND_DOUBT), "three quarters may be a wrong form's"
 
 
 def test_a_further_effect_of_the_cores_structure_must_take_more_than_a_rough_core_leaves(dead_zone):
@@ -360,10 +392,18 @@ def test_two_signals_that_move_as_one_are_not_told_apart():
 def test_a_gain_that_is_not_sure_is_not_named(grade, monkeypatch):
     for name in ("SURE", "BEYOND_DOUBT", "ANYHOW"):
         monkeypatch.setattr(f"cruise.validation.tried.{name}", 2.0 * max(one.sureness for one in grade.steps[0].tried))
+    monkeypatch.setattr("cruise.validation.tried.RARE", (tried.SURE, RARE[1]))
     one = diagnose(grade.study)
     assert one.untold  # a great error all the same
     assert one.effects == ()
     assert one.steps[0].tried[0].gain == grade.steps[0].tried[0].gain > LEAST_GAIN
+
+
+def test_what_few_blocks_hold_needs_more_evidence(grade):
+    one, (rare, times) = replace(grade.steps[0].tried[0], gain=0.4, credit=1.0), RARE
+    assert enough(replace(one, evidence=1.1 * times * asked(0.4), sureness=1.1 * rare))
+    assert not enough(replace(one, evidence=0.9 * times * asked(0.4), sureness=1.1 * rare))
+    assert not enough(replace(one, evidence=1e4, sureness=0.9 * rare))
 
 
 def test_little_evidence_needs_more_standard_errors(grade):

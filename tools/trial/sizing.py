@@ -3,7 +3,8 @@
     ratio  r = sqrt(L_without / L_with),   L mean squared held-out error in m2/s2, at least 3 s ahead
 
 An effect of the table is judged by the model that holds its structure, another by the twin, the same drive without the
-effect. As r^2 - 1 grows about with a power of the size, the search runs straight in the logarithms of both.
+effect. Where the true structure leaves far more than the twin does, it is not true there, and the size is none. As
+r^2 - 1 grows about with a power of the size, the search runs straight in the logarithms of both.
 """
 
 import math
@@ -41,6 +42,7 @@ POWER: Final = 2.0  # of the size in r^2 - 1, while there is one point only
 POWERS: Final = (0.5, 12.0)  # between a stop that is hit ever more rarely and one that is hit at once
 WIDEST: Final = 5.0  # factor between two sizes that are tried
 FARTHEST: Final = 30.0  # factor beyond the ranges of the table
+MOST_LEFT: Final = 4.0  # times the twin's error that the true structure may leave: with more it is not the true one
 
 
 class Point(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag=True):
@@ -51,6 +53,7 @@ class Point(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     seed: int
     size: float  # unit of the effect's row
     ratio: float
+    left: float = 1.0  # error of the model with the true structure over that of the twin
 
 
 class Miss(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag=True):
@@ -114,18 +117,16 @@ def sized(tier: Tier, effect: str, size: str, seed: int, known: Iterable[Point |
     twin_mps: float | None = None
     while True:
         best = min(points, key=lambda one: abs(math.log(one.ratio / target)), default=None)
-        if best is not None and abs(best.ratio / target - 1.0) <= TOLERANCE:
+        if best is not None and abs(best.ratio / target - 1.0) <= TOLERANCE and best.left <= MOST_LEFT:
             return Sized(best.size, tuple(tried))
         wanted = min(max(next_size(points, target, first), low), high)
         if len(tried) == MOST_STEPS or any(one.size == wanted for one in points):
             break
         study = begun(simulate(trial.resized(effect, wanted)))
-        if effect in UNLISTED:
-            twin_mps = twin_mps or rms_mps(begun(simulate(trial.without(effect))).base)
-            true_mps = twin_mps
-        else:
-            true_mps = rms_mps(with_truth(study, [effect]))
-        tried.append(Point(tier=tier, effect=effect, seed=seed, size=wanted, ratio=rms_mps(study.base) / true_mps))
+        twin_mps = twin_mps or rms_mps(begun(simulate(trial.without(effect))).base)
+        true_mps = twin_mps if effect in UNLISTED else rms_mps(with_truth(study, [effect]))
+        ratio, left = rms_mps(study.base) / true_mps, true_mps / twin_mps
+        tried.append(Point(tier=tier, effect=effect, seed=seed, size=wanted, ratio=ratio, left=left))
         points.append(tried[-1])
     points.sort(key=lambda one: one.size)
     why = f"{target:g} times is not reached: " + ", ".join(f"{one.ratio:.2f} at {one.size:.3g}" for one in points)

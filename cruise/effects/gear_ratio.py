@@ -1,10 +1,11 @@
 """Gear ratio: the engaged gear sets the top speed, and in the high gears the inertia that the drive feels.
 
-    g(i) = v_max,i / v_max,2        alpha(i) = min(1, (v_max,2 / v_max,i)^2)
+    g(i) = v_max,i / v_max,2        alpha(i) = min(1, (v_max,2 / v_max,i)^e)
 
 v_max,i top speed in gear i in m/s at rated engine speed; alpha slows the poles (y_k = alpha f(u, y) + (1 - alpha)
-y_(k-1)). Source: equations 10 to 12 of Coen et al. 2005: preservation of power gives alpha for gears 3 and 4, and
-first gear reaches its top speed in the same time as second, which is alpha = 1.
+y_(k-1)). Source: equations 10 to 12 of Coen et al. 2005: preservation of power gives alpha with e = 2 for gears 3 and
+4, and first gear reaches its top speed in the same time as second, which is alpha = 1. How much of the inertia lies
+before the gearbox the data say: e = 0 is a machine that is as quick in every gear.
 """
 
 from dataclasses import dataclass
@@ -16,20 +17,21 @@ from cruise.effects.effect import About, Effect, Parameter, Stage, State, Value
 from cruise.signals import Signals
 
 _TOP = Parameter("m/s", 0.3, 15.0, 2.5, "top speed in this gear at rated engine speed")
+_PACE = Parameter("-", 0.0, 3.0, 0.0, "power by which a gear above second is slower; 2 is preservation of power")
 
 
 @dataclass(frozen=True, slots=True)
 class GearRatio(Effect):
-    """g = v_max,i / v_max,2 and alpha = min(1, g^-2); no drive in any other gear than 1 to 4."""
+    """g = v_max,i / v_max,2 and alpha = min(1, g^-pace_exponent); no drive in any other gear than 1 to 4."""
 
     name = "gear_ratio"
     stage = Stage.GAIN
     needs = ("gear",)
-    parameters: ClassVar = {f"gear_{i}_mps": _TOP for i in (1, 2, 3, 4)}
+    parameters: ClassVar = {**{f"gear_{i}_mps": _TOP for i in (1, 2, 3, 4)}, "pace_exponent": _PACE}
     about: ClassVar = About(
         physics="The mechanical transmission multiplies the motor's speed and divides its torque. A higher gear is "
         "faster for the same current, and the same mass weighs more at the motor, so it also responds more slowly.",
-        equation="g = v_max,i / v_max,2;  y_k = alpha f(u, y) + (1 - alpha) y_(k-1),  alpha = min(1, g^-2)",
+        equation="g = v_max,i / v_max,2;  y_k = alpha f(u, y) + (1 - alpha) y_(k-1),  alpha = min(1, g^-e)",
         source="Coen et al. 2005, section V.C, equations 10 to 12",
         signature="gain and time constant of the residual change with the gear and with nothing else",
         look_alikes=("engine_speed",),
@@ -40,6 +42,7 @@ class GearRatio(Effect):
     gear_2_mps: float = 2.5
     gear_3_mps: float = 2.5
     gear_4_mps: float = 2.5
+    pace_exponent: float = 2.0
 
     def ratio(self, gear: Value) -> Value:
         """v_max,i / v_max,2 for each gear; 0 in neutral and for gears that the machine does not have, NaN unknown."""
@@ -62,5 +65,5 @@ class GearRatio(Effect):
         """alpha of equation 12: less than 1 where the gear is higher than second."""
         ratio = self.ratio(signals["gear"])
         if isinstance(ratio, float):
-            return ratio**-2 if ratio > 1.0 else ratio * 0.0 + 1.0
-        return np.where(ratio > 1.0, np.maximum(ratio, 1.0) ** -2, ratio * 0.0 + 1.0)
+            return ratio**-self.pace_exponent if ratio > 1.0 else ratio * 0.0 + 1.0
+        return np.where(ratio > 1.0, np.maximum(ratio, 1.0) ** -self.pace_exponent, ratio * 0.0 + 1.0)

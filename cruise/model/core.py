@@ -9,9 +9,10 @@ what loads and rolling friction take, in m/s at rest. Over samples of T, which a
     y_k = a y_(k-1) + (1 - a) [ K g sum_j h_j v_(k-j) + sum_m c_m phi_m + c_0 ],   a = exp(-T / T_v)
     h = d * s_1 * s_2,   d_n = 1 - f, d_(n+1) = f for T_d = (n + f) T,   s_i,j = (1 - q_i) q_i^j,  q_i = exp(-T / tau_i)
 
-sum h_j = 1. A resonance of the drive train, where there is one, stands in series with the lags: v passes with the share
-1 - r as it is and with the share r through omega^2 / (p^2 + 2 zeta omega p + omega^2), held over a period. Source:
-K. J. Astrom, B. Wittenmark, Computer-Controlled Systems, 3rd ed. 1997, section 2.3.
+sum h_j = 1. In series with the lags stand pairs of poles omega^2 / (p^2 + 2 zeta omega p + omega^2), held over a
+period, where there are such: the servo's own, which does not ring, where two lags are too few; and a resonance of the
+drive train, which v passes with the share 1 - r as it is and with the share r through the pair. Source: K. J. Astrom,
+B. Wittenmark, Computer-Controlled Systems, 3rd ed. 1997, section 2.3.
 """
 
 import math
@@ -30,7 +31,7 @@ TAIL: Final = 0.005  # share of the response that the last taps may leave out
 
 @dataclass(frozen=True, slots=True)
 class Core:
-    """Gain, delay, lag and time constant of the drive; a resonance where its share is not zero."""
+    """Gain, delay, lag and time constant of the drive; a pair where its frequency or its share is not zero."""
 
     gain_mps_per_ma: float
     delay_s: float
@@ -40,6 +41,8 @@ class Core:
     resonance_share: float = 0.0
     resonance_hz: float = 1.0
     damping: float = 0.3
+    servo_hz: float = 0.0
+    servo_damping: float = 0.8
 
     def pole(self, period_s: float) -> float:
         """a = exp(-T / T_v)."""
@@ -55,28 +58,16 @@ class Core:
             if lag_s > 0.0:
                 rest = math.exp(-period_s / lag_s)
                 felt, _ = scipy.signal.lfilter([1.0 - rest], [1.0, -rest], felt, zi=[rest * felt[0]])
+        if self.servo_hz:
+            felt = _through_pair(felt, self.servo_hz, self.servo_damping, period_s)
         if self.resonance_share == 0.0:
             return felt
-        numerator, denominator = self._resonance(period_s)
-        start = scipy.signal.lfilter_zi(numerator, denominator) * felt[0]
-        ringing, _ = scipy.signal.lfilter(numerator, denominator, felt, zi=start)
+        ringing = _through_pair(felt, self.resonance_hz, self.damping, period_s)
         return (1.0 - self.resonance_share) * felt + self.resonance_share * ringing
-
-    def _resonance(self, period_s: float) -> tuple[list[float], list[float]]:
-        """The resonance as a discrete filter of a drive that is held over a period."""
-        omega = 2.0 * math.pi * self.resonance_hz
-        damped = omega * math.sqrt(1.0 - self.damping**2)
-        shrink = math.exp(-self.damping * omega * period_s)
-        cosine, sine = math.cos(damped * period_s), math.sin(damped * period_s)
-        ratio = self.damping * omega / damped
-        a_1, a_2 = -2.0 * shrink * cosine, shrink * shrink
-        b_1 = 1.0 - shrink * (cosine + ratio * sine)
-        b_2 = shrink * shrink + shrink * (ratio * sine - cosine)
-        return [0.0, b_1, b_2], [1.0, a_1, a_2]
 
     def response(self, period_s: float, count: int) -> np.ndarray:
         """h_0 .. h_(count-1), shape (count,), without unit; what lies beyond the last is left out."""
-        if self.resonance_share:
+        if self.resonance_share or self.servo_hz:
             pulse = np.zeros(count + 1)
             pulse[1] = 1.0
             return self.felt(pulse, period_s)[1:]
@@ -93,13 +84,28 @@ class Core:
     def memory_s(self) -> float:
         """How far back the drive matters to what the vehicle feels now: all but TAIL of the response."""
         ringing_s = 1.0 / (2.0 * math.pi * self.resonance_hz * self.damping) if self.resonance_share else 0.0
-        return self.delay_s + max(self.lag_s + self.second_lag_s, ringing_s) * math.log(1.0 / TAIL)
+        servo_s = 1.0 / (2.0 * math.pi * self.servo_hz * self.servo_damping) if self.servo_hz else 0.0
+        return self.delay_s + max(self.lag_s + self.second_lag_s + servo_s, ringing_s) * math.log(1.0 / TAIL)
 
     def taps(self, period_s: float) -> tuple[int, np.ndarray]:
         """The delay in samples and the h_j from there on (nb,) that matter, scaled to a sum of 1."""
         share = self.response(period_s, math.ceil(self.memory_s / period_s) + 2)
         delay = int(self.delay_s / period_s)
         return delay, share[delay:] / share[delay:].sum()
+
+
+def _through_pair(drive_ma: np.ndarray, frequency_hz: float, damping: float, period_s: float) -> np.ndarray:
+    """A drive (N,) that is held over each period, after a pair of poles; before the first sample it was the same."""
+    omega = 2.0 * math.pi * frequency_hz
+    damped = omega * math.sqrt(1.0 - damping**2)
+    shrink = math.exp(-damping * omega * period_s)
+    cosine, sine = math.cos(damped * period_s), math.sin(damped * period_s)
+    ratio = damping * omega / damped
+    denominator = [1.0, -2.0 * shrink * cosine, shrink * shrink]
+    b_1 = 1.0 - shrink * (cosine + ratio * sine)
+    b_2 = shrink * shrink + shrink * (ratio * sine - cosine)
+    start = scipy.signal.lfilter_zi([0.0, b_1, b_2], denominator) * drive_ma[0]
+    return scipy.signal.lfilter([0.0, b_1, b_2], denominator, drive_ma, zi=start)[0]
 
 
 def discretised(

@@ -59,6 +59,8 @@ class PhysicalCore(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     resonance_share: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.0  # 0: there is none
     resonance_hz: Positive = 1.0
     damping: Annotated[float, msgspec.Meta(gt=0, lt=1)] = 0.3
+    servo_hz: NotNegative = 0.0  # 0: there is none
+    servo_damping: Annotated[float, msgspec.Meta(gt=0, lt=1)] = 0.8
     loads_mps: dict[str, float] = {}  # by effect, per unit of its phi
     offset_mps: float = 0.0
     effects: tuple[str, ...] = ()  # that have no term but live in this core: transport_delay, resonance

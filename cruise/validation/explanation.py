@@ -20,11 +20,13 @@ CORE: Final[Mapping[str, Parameter]] = {
     "lag_s": Parameter("s", 0.02, LONGEST_LAG_S, 0.15, "lag of the actuator"),
     "second_lag_s": Parameter("s", 0.005, LONGEST_LAG_S, 0.05, "second lag of the actuator"),
     "time_constant_s": Parameter("s", 0.03, 10.0, 0.6, "time constant of the vehicle"),
+    "servo_hz": Parameter("Hz", 0.5, 4.0, 1.5, "frequency of the servo, where two lags are too few for it"),
+    "servo_damping": Parameter("-", 0.6, 0.99, 0.8, "its damping: with less it is a resonance"),
 }
 RESONANCE: Final[Mapping[str, Parameter]] = {
     "resonance_share": Parameter("-", 0.0, 1.0, 0.0, "share of the drive that passes through the resonance"),
     "resonance_hz": Parameter("Hz", 0.25, 2.4, 1.0, "frequency of the resonance, undamped"),
-    "damping": Parameter("-", 0.03, 0.9, 0.2, "damping of the resonance"),
+    "damping": Parameter("-", 0.03, 0.6, 0.2, "damping of the resonance"),
 }
 """Shape parameters of the core and where they may lie."""
 

@@ -97,6 +97,9 @@ def layout(start: Explanation, longest_delay_s: float, gain_scale: float, free: 
         bound = CORE[name]
         high = longest_delay_s if name == "delay_s" else bound.high
         slots.append(Slot("core", name, bound.low, high, 0.3))
+    if start.core.servo_hz:
+        pair = [(name, CORE[name]) for name in ("servo_hz", "servo_damping")]
+        slots += [Slot("core", name, b.low, b.high, 0.3 * (b.high - b.low)) for name, b in pair]
     if "resonance" in start.structural:
         slots += [Slot("core", name, b.low, b.high, 0.3 * (b.high - b.low)) for name, b in RESONANCE.items()]
     slots.append(Slot("offset", "offset_mps", -FAR, FAR, 0.1))

@@ -31,6 +31,10 @@ QUICK_STEPS: Final = 4  # of the solver, to choose among several starts
 ONE_STEP: Final = 2  # likewise: where it stands and one step on
 ORDINARY_STEPS: Final = 20
 BOOTSTRAPS: Final = 400
+SERVO_HZ: Final = (0.8, 1.8)  # from which the fit of a servo with a pair of poles begins
+SERVO_LAGS_S: Final = (0.05, 0.03)  # likewise, of the lags beside it
+SERVO_GAIN: Final = 0.03  # of the held-out loss, that the pair must take away,
+SERVO_SURE: Final = 2.0  # and by so many standard errors
 
 Show = Callable[[str], None]
 
@@ -112,6 +116,21 @@ class Search:
         best = sorted(fits, key=lambda one: one.cost)[:MOST_STARTS]
         fits = [self.fitted(one.explanation, limit_s, QUICK_STEPS) for one in best]
         return self.finished(min(fits, key=lambda one: one.cost))
+
+    def served(self, present: Judged) -> Judged:
+        """The same with a pair of poles for the servo, where the two lags are too few: it errs clearly less then.
+
+        A servo of second order that lags cannot imitate would else be taken for an effect of the dynamics.
+        """
+        core = present.explanation.core
+        if core.servo_hz:
+            return present
+        lag_s, second_lag_s = SERVO_LAGS_S
+        paired = [replace(core, servo_hz=one, lag_s=lag_s, second_lag_s=second_lag_s) for one in SERVO_HZ]
+        fits = [self.fitted(replace(present.explanation, core=one)) for one in paired]
+        judged = self.judged(present.candidate, min(fits, key=lambda one: one.cost))
+        sure = sureness(present, judged, np.random.default_rng(0)) >= SERVO_SURE
+        return judged if sure and gain(present, judged) >= SERVO_GAIN else present
 
     def _starts_beside(self, explanation: Explanation) -> Starts:
         if self._starts is None or self._starts.explanation != explanation:

@@ -11,14 +11,16 @@ from cruise.signals import INPUT, OUTPUT
 from cruise.validation.background import DYNAMICS, STRUCTURAL
 from cruise.validation.candidates import MEDIATORS, UNNAMED, Refused, candidates, unnamed, without
 from cruise.validation.mediator import MEDIATED
-from cruise.validation.search import Judged, gain
+from cruise.validation.search import Judged, gain, sureness
 from cruise.validation.study import Study
 from cruise.validation.tried import (
+    ANYHOW,
     BEYOND_DOUBT,
     ENOUGH,
     FEW,
     LEAST_GAIN,
     LOOSE,
+    SOME,
     SURE,
     Step,
     Tried,
@@ -167,7 +169,10 @@ class _Pair:
 
 
 def _pair(study: Study, alone: Step, rng: np.random.Generator, show: Show) -> _Pair | None:
-    """The two effects that are enough together, where none is alone: each hides what the other explains."""
+    """The two effects that are enough together, where none is alone: each hides what the other explains.
+
+    Enough is evidence, as ever, or that each takes so surely from what the other leaves as no background does.
+    """
     least, most = HOPEFUL
     named = [one for one in alone.tried if not one.name.startswith(UNNAMED)]
     hopeful = [one for one in named if one.counted >= least and one.gain >= LEAST_GAIN][:most]
@@ -177,9 +182,11 @@ def _pair(study: Study, alone: Step, rng: np.random.Generator, show: Show) -> _P
         step = tried_beside(study, first.judged, possible, [first.name], rng, show)
         for second in (one for one in step.tried if one.name not in MEDIATORS and one.counted > 0.0):
             both = together(alone, second.judged, [first.name, second.name])
-            other = next((one.counted for one in named if one.name == second.name), 0.0)
+            other = next((one for one in named if one.name == second.name), second)
             gained = 1.0 - second.judged.loss / alone.before.loss
-            if both >= ENOUGH and gained >= FEW and both - max(first.counted, other) >= 0.5 * ENOUGH:
+            more = both >= ENOUGH and both - max(first.counted, other.counted) >= 0.5 * ENOUGH
+            needed = both >= SOME and min(second.sureness, sureness(other.judged, second.judged, rng)) >= ANYHOW
+            if gained >= FEW and (more or needed):
                 found.append((both, _Pair(first, step, second)))
     return max(found, key=lambda one: one[0])[1] if found else None
 

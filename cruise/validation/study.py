@@ -87,7 +87,7 @@ def study(
     for effect in effects:
         show(f"fitting with {effect.name}")
         found = search.grown(found.explanation, EffectCandidate(effect.name, given=effect if file else None))
-    return Study(tuple(prepared), search, search.judged("", found), horizon_s)
+    return Study(tuple(prepared), search, search.served(search.judged("", found)), horizon_s)
 
 
 def candidate(name: str, recordings: Sequence[Recording]) -> Candidate:
@@ -126,6 +126,8 @@ def _fixed(effects: Sequence[Effect], recordings: Sequence[Recording]) -> frozen
             gear = one.columns["gear"]
             driven |= {int(value) for value in np.unique(gear[np.isfinite(gear)])}
     unknown = {f"gear_ratio.gear_{i}_mps" for i in (1, 2, 3, 4) if i not in driven}
+    if not driven & {3, 4}:
+        unknown.add("gear_ratio.pace_exponent")
     if not all("machine_mass_kg" in one.columns for one in recordings):
         unknown.add("grade.mass_share")
     reference = {"gear_ratio.gear_2_mps", "grade.acceleration_share"}

@@ -56,7 +56,10 @@ def tried_beside(
 
     `known` are fits of candidates that were found on another way.
     """
-    search, fits = study.search, _fitted(study.search, present, everyone, chosen, show, effort, known)
+    search = study.search
+    if chosen and effort is THOROUGH:  # what was missing may have hidden that the core is
+        present = search.served(present)
+    fits = _fitted(search, present, everyone, chosen, show, effort, known)
     before = present.fit
     if fits:  # the best fit's core may be a better start for what is there, too
         first = min(range(len(fits)), key=lambda i: fits[i].cost)

@@ -82,6 +82,8 @@ def test_gears_scale_gain_and_pace_as_in_equations_10_to_12():
     paces = [gears.pace({"gear": float(i)}, None) for i in (1, 2, 3, 4)]
     assert paces == pytest.approx([1, 1, (2.5 / 4.4) ** 2, (2.5 / 7.8) ** 2])
     np.testing.assert_allclose(gears.pace({"gear": np.array([1.0, 2, 3, 4])}, None), paces)
+    as_quick = GearRatio(1.4, 2.5, 4.4, 7.8, pace_exponent=0.0)
+    assert [as_quick.pace({"gear": float(i)}, None) for i in (1, 2, 3, 4)] == [1.0] * 4
 
 
 @pytest.mark.parametrize("gear", [0.0, 5.0, -1.0])

@@ -30,6 +30,8 @@ cores = st.builds(
     resonance_share=st.sampled_from([0.0, 0.3]),
     resonance_hz=st.floats(0.5, 2.4),
     damping=st.floats(0.1, 0.9),
+    servo_hz=st.sampled_from([0.0, 0.5, 3.0]),
+    servo_damping=st.floats(0.6, 0.99),
 )
 
 
@@ -73,6 +75,7 @@ CHANGES = {
     "time_constant_s": 0.61,
     "second_lag_s": 0.02,
     "resonance_share": 0.1,
+    "servo_hz": 3.0,
     "offset_mps": 0.2,
 }
 
@@ -115,6 +118,7 @@ def test_what_was_learned_further_has_no_core(tmp_path):
         Core(0.0025, 0.07, 0.4, 0.3),
         Core(0.0025, 0.3, 0.15, 0.6, second_lag_s=0.2),
         Core(0.0025, 0.2, 0.1, 0.4, resonance_share=0.5, resonance_hz=0.8, damping=0.2),
+        Core(0.0025, 0.2, 0.1, 0.4, servo_hz=0.9, servo_damping=0.7),
     ],
 )
 def test_the_discrete_model_is_the_physics(core):
@@ -126,13 +130,17 @@ def test_the_discrete_model_is_the_physics(core):
     late = np.concatenate([np.full(round(core.delay_s / step_s), u[0]), u])[: len(u)]
     omega = 2.0 * math.pi * core.resonance_hz
     second_s = core.second_lag_s or step_s
+    servo = 2.0 * math.pi * core.servo_hz
     w, w2, swing, rate, y, speeds = u[0], u[0], u[0], 0.0, core.gain_mps_per_ma * u[0] + 0.1, []
+    w3, quick = u[0], 0.0
     for value in late.tolist():
         w += step_s / core.lag_s * (value - w)
         w2 += step_s / second_s * (w - w2)
-        rate += step_s * (omega**2 * (w2 - swing) - 2.0 * core.damping * omega * rate)
+        quick += step_s * (servo**2 * (w2 - w3) - 2.0 * core.servo_damping * servo * quick)
+        w3 = w3 + step_s * quick if servo else w2
+        rate += step_s * (omega**2 * (w3 - swing) - 2.0 * core.damping * omega * rate)
         swing += step_s * rate
-        felt = (1.0 - core.resonance_share) * w2 + core.resonance_share * swing
+        felt = (1.0 - core.resonance_share) * w3 + core.resonance_share * swing
         y += step_s / core.time_constant_s * (core.gain_mps_per_ma * felt + 0.1 - y)
         speeds.append(y)
     speed, current = (np.reshape(values, (-1, many)).mean(axis=1) for values in (speeds, u))

@@ -2,6 +2,8 @@
 
     w_1' = (f(u(t - T_d)) - w_1) / tau_1 ,   w_2' = (w_1 - w_2) / tau_2 ,   T_v v' = K g(t) w_2 + l(t) + c_0 - v
 
+Where a pair is given, w_2 passes it: w_3'' = omega^2 (w_2 - w_3) - 2 zeta omega w_3'.
+
 u current in mA that is held over every sample, v speed in m/s at the end of a sample, y = v + white noise. Each lag is
 exact over steps of 10 ms at whose ends its input is known.
 """
@@ -51,14 +53,24 @@ def drive(
     load_mps: np.ndarray | float = 0.0,
     columns: Mapping[str, np.ndarray] | None = None,
     source: str = "drive.csv",
+    pair: tuple[float, float] | None = None,
 ) -> Recording:
-    """A recording; `gain` and `load_mps` (N,) are g and l of every sample, `columns` what else was recorded."""
+    """A recording; `gain` and `load_mps` (N,) are g and l of every sample, `columns` what else was recorded.
+
+    `pair` are frequency in Hz and damping of two more poles.
+    """
     samples = round(seconds / dt_s)
     each = round(dt_s / FINE_S)
     current = levels(samples, dt_s, seed)
     asked = np.repeat(command(current), each)
     late = np.concatenate([np.full(round(DELAY_S / FINE_S), asked[0]), asked])[: len(asked)]
     felt = lagged(lagged(late, LAG_S), SECOND_LAG_S)
+    if pair is not None:
+        omega, damping = 2.0 * np.pi * pair[0], pair[1]
+        poles = signal.cont2discrete(([omega**2], [1.0, 2.0 * damping * omega, omega**2]), FINE_S)
+        numerator, denominator = np.ravel(poles[0]), poles[1]
+        start = signal.lfilter_zi(numerator, denominator) * felt[0]
+        felt = np.asarray(signal.lfilter(numerator, denominator, felt, zi=start)[0])
     force = GAIN * np.repeat(np.broadcast_to(gain, samples), each) * felt
     force = force + np.repeat(np.broadcast_to(load_mps, samples), each) + OFFSET_MPS
     speed = lagged(force, VEHICLE_S)[each - 1 :: each]

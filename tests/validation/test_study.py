@@ -13,8 +13,19 @@ from cruise.model.model import Model
 from cruise.recording import Recording
 from cruise.signals import INPUT, OUTPUT
 from cruise.validation.candidates import DelayCandidate, EffectCandidate, ResonanceCandidate
+from cruise.validation.diagnose import Verdict, diagnose
 from cruise.validation.study import candidate, discrete, study
-from tests.validation.driving import DELAY_S, GAIN, LAG_S, OFFSET_MPS, SECOND_LAG_S, VEHICLE_S, drive, wander
+from tests.validation.driving import (
+    DELAY_S,
+    GAIN,
+    GRAVITY_MPS2,
+    LAG_S,
+    OFFSET_MPS,
+    SECOND_LAG_S,
+    VEHICLE_S,
+    drive,
+    wander,
+)
 
 PERIOD_S = 0.2
 PLAIN = parse("arx:na=1,nb=3,delay_s=0.4")
@@ -133,8 +144,35 @@ def test_what_recordings_say_nothing_about_is_not_fitted():
     gear = np.where(np.arange(1000) < 500, 2.0, 3.0)
     begun = study([drive(100.0, columns={"gear": gear})], PLAIN, None, PERIOD_S)
     assert begun.search.fixed >= {"gear_ratio.gear_1_mps", "gear_ratio.gear_2_mps", "gear_ratio.gear_4_mps"}
-    assert "gear_ratio.gear_3_mps" not in begun.search.fixed
+    assert not {"gear_ratio.gear_3_mps", "gear_ratio.pace_exponent"} & begun.search.fixed
+    slow = study([drive(100.0, columns={"gear": np.minimum(gear, 2.0)})], PLAIN, None, PERIOD_S)
+    assert "gear_ratio.pace_exponent" in slow.search.fixed
     assert "grade.acceleration_share" in begun.search.fixed
+
+
+def test_a_servo_of_second_order_is_the_cores_and_no_effect():
+    one = study([drive(400.0, noise_mps=0.01, pair=(0.9, 0.7))], PLAIN, None, PERIOD_S)
+    assert one.base.explanation.core.servo_hz == pytest.approx(0.9, rel=0.1)
+    assert one.base.explanation.core.servo_damping == pytest.approx(0.7, abs=0.08)
+    assert one.base.explanation.names == ()
+    assert np.sqrt(one.base.loss) < 0.0085, "the noise of means over two samples is 0.0071"
+    assert diagnose(one).verdict is Verdict.NOTHING
+
+
+def test_a_servo_that_two_lags_describe_has_no_pair(plain):
+    assert plain.base.explanation.core.servo_hz == 0.0
+
+
+def test_the_pair_is_found_where_an_effect_hid_that_it_is_there(monkeypatch):
+    slope = wander(4000, 0.1, 3, 3.0, 8.0)
+    load = -0.15 * np.sin(np.radians(slope)) * GRAVITY_MPS2
+    driven = drive(400.0, noise_mps=0.01, load_mps=load, columns={"pitch_deg": slope}, pair=(0.9, 0.7))
+    monkeypatch.setattr("cruise.validation.search.SERVO_GAIN", 0.2)
+    one = study([driven], PLAIN, None, PERIOD_S)
+    assert one.base.explanation.core.servo_hz == 0.0, "a tenth of what the slope leaves"
+    found = diagnose(one)
+    assert found.effects == ("grade",)
+    assert found.final.explanation.core.servo_hz == pytest.approx(0.9, rel=0.1)
 
 
 def test_columns_that_not_all_recordings_have_are_left_out():

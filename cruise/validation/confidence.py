@@ -9,7 +9,19 @@ from cruise.validation.candidates import MEDIATORS, UNNAMED
 from cruise.validation.foretold import CHANCE, Foretold
 from cruise.validation.search import Judged
 from cruise.validation.selection import FURTHER, LEAST_FURTHER, Selected, least_share
-from cruise.validation.tried import BEYOND_DOUBT, ENOUGH, LEAST_GAIN, asked, step_of, tried_in
+from cruise.validation.tried import (
+    ALL_OF_IT,
+    BEYOND_DOUBT,
+    ENOUGH,
+    LEAST_GAIN,
+    Step,
+    Tried,
+    asked,
+    share_of_all,
+    step_of,
+    tried_in,
+    whole,
+)
 
 LEAST_FORETOLD: Final = 0.15  # of the first loss, that the catch-all must foretell for something to be missing,
 LEAST_BESIDE: Final = 0.25  # and of what the named effects explain, for them to be no more than substitutes
@@ -76,10 +88,16 @@ def margin_of_the_end(found: Selected) -> float:
     """Evidence by which the search was short of going on or of ending earlier; for a curve, by which it has a say."""
     if found.curved:
         return found.curve_margin
-    chosen = [tried_in(step_of(found.steps, name), name) for name in found.chosen]
-    over = [one.counted - asked(one.gain) for one in chosen if one is not None and one.sureness < BEYOND_DOUBT]
+    taken = [(step, tried_in(step, name)) for name in found.chosen for step in [step_of(found.steps, name)]]
+    over = [_over(one, step) for step, one in taken if one is not None and one.sureness < BEYOND_DOUBT]
     mediated = [ENOUGH * step.mediated for step in found.steps if step.taken in MEDIATORS]
     return max(min([*_short(found), *over, *mediated], default=ENOUGH), LEAST_MARGIN)
+
+
+def _over(one: Tried, step: Step) -> float:
+    """Evidence by which an effect is more than asked, or what stands for it where it takes nearly all."""
+    rest = (share_of_all(one, step) - ALL_OF_IT) / (1.0 - ALL_OF_IT)
+    return max(one.counted - asked(one.gain), ENOUGH * min(rest, 1.0) if whole(one, step) else 0.0)
 
 
 def _short(found: Selected) -> list[float]:

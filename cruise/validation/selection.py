@@ -14,6 +14,7 @@ from cruise.validation.mediator import MEDIATED
 from cruise.validation.search import Judged, gain, sureness
 from cruise.validation.study import Study
 from cruise.validation.tried import (
+    ALL_OF_IT,
     ANYHOW,
     BEYOND_DOUBT,
     ENOUGH,
@@ -29,7 +30,9 @@ from cruise.validation.tried import (
     counted,
     enough,
     held_out,
+    share_of_all,
     tried_in,
+    whole,
 )
 from cruise.validation.trying import Show, tried_beside
 from cruise.validation.unnamed import SPEED
@@ -39,8 +42,7 @@ LEAST_FURTHER: Final = 0.25  # likewise, of the present loss,
 LEAST_SHARE: Final = 0.04  # and of the loss before the effect that was found last, whose form may be as wrong;
 LEAST_DYNAMIC: Final = 0.1  # the same share for two that change the dynamics, where no core's form is exact, either,
 LEAST_STRUCTURAL: Final = 0.15  # and for one of the core's own structure, beside which something else was found;
-PLAINLY: Final = (12.0, 0.3, 0.1)  # or evidence times gain, where it takes more of both: no wrong form leaves so much;
-ALL_OF_IT: Final = 0.85  # of what is left above the noise: what takes more of it needs only be more than `LEAST_SHARE`
+PLAINLY: Final = (12.0, 0.3, 0.1)  # or evidence times gain, where it takes more of both: no wrong form leaves so much
 LEAST_CURVED: Final = 0.45  # of the loss, that a free curve must explain to have the word
 CURVED: Final = (60.0, 0.05)  # evidence, and share of it, by which a free curve must exceed all effects
 FAR: Final = 0.25  # of what all effects leave above the noise: a curve that leaves less has the word, and
@@ -99,7 +101,9 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
             break
         named = [one for one in step.tried if not one.name.startswith(UNNAMED)]
         before = steps[-2].before if chosen else present
-        worthy = [one for one in named if (_further(one, step, before, chosen) if chosen else enough(one))]
+        worthy = [
+            one for one in named if (_further(one, step, before, chosen) if chosen else enough(one) or whole(one, step))
+        ]
         if not worthy:
             pair = _pair(study, step, rng, show) if not chosen else None
             if pair is None:
@@ -144,9 +148,8 @@ def _further(one: Tried, step: Step, before: Judged, chosen: Sequence[str]) -> b
     if share < least_share(one.name, chosen):
         return False
     evidence, least, much = PLAINLY
-    left = step.before.loss - step.background.noise
-    whole = one.sureness >= BEYOND_DOUBT and step.before.loss - one.judged.loss >= ALL_OF_IT * left
-    if one.gain >= least and one.sureness >= SURE and (share >= much or whole):
+    rest = one.sureness >= BEYOND_DOUBT and share_of_all(one, step) >= ALL_OF_IT
+    if one.gain >= least and one.sureness >= SURE and (share >= much or rest):
         return one.counted * one.gain >= evidence
     share_of_it = one.gain if step.forces is None else max(one.gain, gain(step.forces, one.compared))
     return enough(one) and one.counted >= FURTHER and share_of_it >= LEAST_FURTHER

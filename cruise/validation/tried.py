@@ -23,6 +23,8 @@ RARE: Final = (
 BEYOND_DOUBT: Final = 5.0  # standard errors that a background, which has its moments, does not reach with
 SOME: Final = 10.0  # evidence,
 ANYHOW: Final = 7.0  # nor so many without
+ALL_OF_IT: Final = 0.9  # of what all effects together explain: what takes more of it alone is no little of everything,
+WHOLE: Final = (0.25, 2.5)  # where it is that share of the loss and so many standard errors
 ALIKE: Final = 20.0  # evidence below which no form of a model is exact enough to decide,
 CLOSE: Final = 0.05  # likewise, of the evidence,
 LOOSE: Final = 1.2  # unless the loss decides
@@ -93,6 +95,19 @@ def enough(one: Tried) -> bool:
     more |= one.counted >= times * asked(one.gain) and one.sureness >= rare
     least = BEYOND_DOUBT if one.counted >= SOME else ANYHOW
     return one.gain >= LEAST_GAIN and (more or (one.counted > 0.0 and one.sureness >= least))
+
+
+def share_of_all(one: Tried, step: Step) -> float:
+    """What a candidate takes away, of what all effects together do: soil that looks like friction had 0.86 at most."""
+    explained = step.before.loss - step.background.noise
+    return (step.before.loss - one.judged.loss) / explained if explained > 0.0 else 0.0
+
+
+def whole(one: Tried, step: Step) -> bool:
+    """Whether nearly all that could be explained is what a candidate explains alone, though evidence may be little."""
+    gain, sure = WHOLE
+    much = one.gain >= gain and one.sureness >= sure and one.counted >= SOME
+    return much and share_of_all(one, step) >= ALL_OF_IT
 
 
 def close(first: Tried, one: Tried) -> bool:

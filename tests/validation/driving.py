@@ -43,6 +43,16 @@ def lagged(values: np.ndarray, time_constant_s: float) -> np.ndarray:
     return np.asarray(signal.lfilter([1.0 - rest], [1.0, -rest], values, zi=[rest * values[0]])[0])
 
 
+def through_pair(values: np.ndarray, frequency_hz: float, damping: float) -> np.ndarray:
+    """What a pair of poles makes of values that are held over FINE_S, at rest before; stepped by Euler."""
+    omega, place, rate, places = 2.0 * np.pi * frequency_hz, float(values[0]), 0.0, []
+    for value in values.tolist():
+        rate += FINE_S * (omega**2 * (value - place) - 2.0 * damping * omega * rate)
+        place += FINE_S * rate
+        places.append(place)
+    return np.array(places)
+
+
 def drive(
     seconds: float = 160.0,
     seed: int = 0,
@@ -66,11 +76,7 @@ def drive(
     late = np.concatenate([np.full(round(DELAY_S / FINE_S), asked[0]), asked])[: len(asked)]
     felt = lagged(lagged(late, LAG_S), SECOND_LAG_S)
     if pair is not None:
-        omega, damping = 2.0 * np.pi * pair[0], pair[1]
-        poles = signal.cont2discrete(([omega**2], [1.0, 2.0 * damping * omega, omega**2]), FINE_S)
-        numerator, denominator = np.ravel(poles[0]), poles[1]
-        start = signal.lfilter_zi(numerator, denominator) * felt[0]
-        felt = np.asarray(signal.lfilter(numerator, denominator, felt, zi=start)[0])
+        felt = through_pair(felt, *pair)
     force = GAIN * np.repeat(np.broadcast_to(gain, samples), each) * felt
     force = force + np.repeat(np.broadcast_to(load_mps, samples), each) + OFFSET_MPS
     speed = lagged(force, VEHICLE_S)[each - 1 :: each]

@@ -37,9 +37,11 @@ from cruise.validation.tried import (
     RARE,
     SOME,
     SURE,
+    WHOLE,
     Tried,
     asked,
     enough,
+    whole,
 )
 from tests.validation.driving import GRAVITY_MPS2, drive, wander
 from tools.trial.run import table_without
@@ -216,7 +218,7 @@ def test_what_takes_all_that_is_left_above_the_noise_is_a_further_effect_though_
         one = replace(one, judged=replace(before, raw=left * before.raw))
         return selection._further(one, replace(last, before=present), before, ("dead_zone",))
 
-    assert further(0.045, 1.1 * BEYOND_DOUBT), "nine tenths of what is left above the noise"
+    assert further(0.045, 1.1 * BEYOND_DOUBT), "94 % of what is left above the noise"
     assert not further(0.045, 0.9 * BEYOND_DOUBT), "not sure beyond doubt"
     assert not further(0.06, 1.1 * BEYOND_DOUBT), "three quarters may be a wrong form's"
 
@@ -393,6 +395,7 @@ def test_a_gain_that_is_not_sure_is_not_named(grade, monkeypatch):
     for name in ("SURE", "BEYOND_DOUBT", "ANYHOW"):
         monkeypatch.setattr(f"cruise.validation.tried.{name}", 2.0 * max(one.sureness for one in grade.steps[0].tried))
     monkeypatch.setattr("cruise.validation.tried.RARE", (tried.SURE, RARE[1]))
+    monkeypatch.setattr("cruise.validation.tried.WHOLE", (WHOLE[0], tried.SURE))
     one = diagnose(grade.study)
     assert one.untold  # a great error all the same
     assert one.effects == ()
@@ -404,6 +407,22 @@ def test_what_few_blocks_hold_needs_more_evidence(grade):
     assert enough(replace(one, evidence=1.1 * times * asked(0.4), sureness=1.1 * rare))
     assert not enough(replace(one, evidence=0.9 * times * asked(0.4), sureness=1.1 * rare))
     assert not enough(replace(one, evidence=1e4, sureness=0.9 * rare))
+
+
+def test_what_takes_all_that_can_be_explained_is_named_with_little_evidence(grade):
+    step = replace(grade.steps[0], background=copy(grade.steps[0].background))
+    before, (gain, sure) = step.before, WHOLE
+    step.background.noise = 0.5 * before.loss
+    one = replace(step.tried[0], gain=1.1 * gain, credit=1.0, evidence=1.1 * SOME, sureness=1.1 * sure)
+
+    def takes(share: float) -> Tried:
+        return replace(one, judged=replace(before, raw=(1.0 - 0.5 * share) * before.raw))
+
+    assert not enough(takes(0.95))
+    assert whole(takes(0.95), step)
+    assert not whole(takes(0.85), step), "soil that looks like friction takes as much"
+    for less in ({"gain": 0.9 * gain}, {"evidence": 0.9 * SOME}, {"sureness": 0.9 * sure}):
+        assert not whole(replace(takes(0.95), **less), step)
 
 
 def test_little_evidence_needs_more_standard_errors(grade):

@@ -43,6 +43,7 @@ LEAST_SHARE: Final = 0.04  # and of the loss before the effect that was found la
 LEAST_DYNAMIC: Final = 0.1  # the same share for two that change the dynamics, where no core's form is exact, either,
 LEAST_STRUCTURAL: Final = 0.15  # and for one of the core's own structure, beside which something else was found;
 PLAINLY: Final = (12.0, 0.3, 0.1)  # or evidence times gain, where it takes more of both: no wrong form leaves so much
+MOST: Final = 0.5  # of the present loss: what takes more of it, and nearly all that can be explained, may be any share
 LEAST_CURVED: Final = 0.45  # of the loss, that a free curve must explain to have the word
 CURVED: Final = (60.0, 0.05)  # evidence, and share of it, by which a free curve must exceed all effects
 FAR: Final = 0.25  # of what all effects leave above the noise: a curve that leaves less has the word, and
@@ -145,10 +146,11 @@ def _further(one: Tried, step: Step, before: Judged, chosen: Sequence[str]) -> b
     Where every force is known, its share is that of what is left there: a force that is missing, too, hides no other.
     """
     share = (step.before.loss - one.judged.loss) / before.loss
-    if share < least_share(one.name, chosen):
+    rest = one.sureness >= BEYOND_DOUBT and share_of_all(one, step) >= ALL_OF_IT
+    hidden = rest and one.gain >= MOST and one.name not in DYNAMICS  # a far larger one hid it
+    if share < least_share(one.name, chosen) and not hidden:
         return False
     evidence, least, much = PLAINLY
-    rest = one.sureness >= BEYOND_DOUBT and share_of_all(one, step) >= ALL_OF_IT
     if one.gain >= least and one.sureness >= SURE and (share >= much or rest):
         return one.counted * one.gain >= evidence
     share_of_it = one.gain if step.forces is None else max(one.gain, gain(step.forces, one.compared))

@@ -223,6 +223,25 @@ def test_what_takes_all_that_is_left_above_the_noise_is_a_further_effect_though_
     assert not further(0.06, 1.1 * BEYOND_DOUBT), "three quarters may be a wrong form's"
 
 
+def test_what_a_far_larger_effect_hid_is_a_further_one_but_no_dynamics(dead_zone):
+    before, last = (
+        dead_zone.steps[-2].before,
+        replace(dead_zone.steps[-1], background=copy(dead_zone.steps[-1].background)),
+    )
+    last = replace(last, before=replace(before, raw=0.03 * before.raw))
+    last.background.noise = 0.01 * before.loss
+
+    def further(name: str, left: float, gain: float = 0.6) -> bool:
+        one = replace(last.tried[0], name=name, gain=gain, evidence=200.0, sureness=6.0, credit=1.0)
+        one = replace(one, judged=replace(before, raw=left * before.raw))
+        return selection._further(one, last, before, ("dead_zone",))
+
+    assert further("coulomb_friction", 0.0115), "a fiftieth of what the dead zone takes, and all that can be explained"
+    assert not further("coulomb_friction", 0.016), "two thirds of it"
+    assert not further("coulomb_friction", 0.0115, 0.4), "less than half of the loss"
+    assert not further("active_braking", 0.0115), "a core that is not exact leaves as much"
+
+
 def test_a_further_effect_of_the_cores_structure_must_take_more_than_a_rough_core_leaves(dead_zone):
     before, last = dead_zone.steps[-2].before, dead_zone.steps[-1]
     present = replace(before, raw=0.2 * before.raw)

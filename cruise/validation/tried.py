@@ -16,10 +16,7 @@ MUCH: Final = 0.6  # of the present loss: no background takes so much, so that h
 FEW: Final = 0.5  # of it: a little of several effects may take less together, so that half as much again is asked
 LEAST_LEFT: Final = 1e-9  # of the loss: what is left of it where there is no noise at all
 SURE: Final = 1.5  # standard errors of a held-out gain; a few blocks may hold all of it,
-RARE: Final = (
-    1.0,
-    2.0,
-)  # as those of a stop do that is seldom reached: with so many times the evidence, fewer are enough
+RARE: Final = (1.0, 1.25)  # as those of a stop that is seldom reached: fewer, with so many times the evidence
 BEYOND_DOUBT: Final = 5.0  # standard errors that a background, which has its moments, does not reach with
 SOME: Final = 10.0  # evidence,
 ANYHOW: Final = 7.0  # nor so many without

@@ -47,8 +47,8 @@ MOST: Final = 0.5  # of the present loss: what takes more of it, and nearly all 
 LEAST_CURVED: Final = 0.45  # of the loss, that a free curve must explain to have the word
 CURVED: Final = (60.0, 0.05)  # evidence, and share of it, by which a free curve must exceed all effects
 FAR: Final = 0.25  # of what all effects leave above the noise: a curve that leaves less has the word, and
-LESS: Final = 0.7  # of what they leave in all, with as much evidence,
-ABOUT: Final = 0.1  # as much but for this share of it
+LESS: Final = 0.7  # of what they leave in all, with as much evidence; clearly less, with more,
+ABOUT: Final = 0.1  # which is as much while it differs by no more than this share
 CLEARLY: Final = 0.6  # of what the best effect leaves where every force is known: all that a curve may leave there
 SAME_SIGNAL: Final = 0.85  # of what a curve takes away: an effect of the same signal that takes as much is the curve
 MOST_OF_IT: Final = 0.5  # of what effects leave above the noise, that a curve must take to show them as substitutes
@@ -216,7 +216,8 @@ def _curve(first: Step, chosen: float, left: float) -> tuple[Tried | None, float
     effects = max([chosen, *(one.counted for one in named if one.gain >= LEAST_GAIN)])
     margin = best.counted - CURVED[0] - CURVED[1] * best.counted - effects
     noise = first.background.noise
-    if effects <= (1.0 + ABOUT) * best.counted and best.compared.loss < LESS * left and left > noise:
+    less = 1.0 / LOOSE if best.counted >= (1.0 + ABOUT) * effects else LESS
+    if effects <= (1.0 + ABOUT) * best.counted and best.compared.loss < less * left and left > noise:
         margin = max(margin, ENOUGH * (1.0 - max(best.compared.loss - noise, 0.0) / (FAR * (left - noise))))
     if margin <= 0.0:
         return None, 0.0

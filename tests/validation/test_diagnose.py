@@ -138,6 +138,8 @@ def test_a_curve_that_leaves_far_less_error_has_the_word_with_as_much_evidence(u
     first.background.noise = 0.99 * loss
     assert word(1.5 * loss)[0] is curve, "nothing is left above the noise"
     assert word(1.4 * loss) == (None, 0.0), "and yet it is not much less"
+    fewer = replace(first, tried=(curve, replace(rival, evidence=0.85 * curve.evidence, gain=curve.gain)))
+    assert selection._curve(fewer, 0.85 * curve.evidence, 1.4 * loss)[0] is curve, "but there is clearly more evidence"
     more = replace(first, tried=(curve, replace(rival, evidence=1.2 * curve.evidence, gain=curve.gain)))
     assert selection._curve(more, 0.0, 10.0 * loss) == (None, 0.0), "there is more evidence for an effect"
     assert selection._curve(first, 0.0, 1.25 * loss)[0] is curve, "much more evidence than for all effects"

@@ -131,10 +131,10 @@ class ResonanceCandidate:
     longest_delay_s: float | None = None
 
     def grown(self, explanation: Explanation) -> Iterator[Explanation]:
-        """From three frequencies."""
+        """From four frequencies, weak: what is too strong, and at another frequency, is led away from it."""
         structural = explanation.structural | {self.name}
-        for frequency_hz in (0.5, 1.0, 1.8):
-            core = replace(explanation.core, resonance_share=0.4, resonance_hz=frequency_hz, damping=0.2)
+        for frequency_hz in (0.4, 0.7, 1.2, 1.9):
+            core = replace(explanation.core, resonance_share=0.1, resonance_hz=frequency_hz, damping=0.15)
             yield replace(explanation, core=core, structural=structural)
 
 

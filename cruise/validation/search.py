@@ -35,6 +35,7 @@ SERVO_HZ: Final = (0.8, 1.8)  # from which the fit of a servo with a pair of pol
 SERVO_LAGS_S: Final = (0.05, 0.03)  # likewise, of the lags beside it
 SERVO_GAIN: Final = 0.03  # of the held-out loss, that the pair must take away,
 SERVO_SURE: Final = 2.0  # and by so many standard errors
+AT_BOUND: Final = 0.02  # of a bound, by which a number that wants beyond it is away from it
 
 Show = Callable[[str], None]
 
@@ -120,7 +121,8 @@ class Search:
     def served(self, present: Judged) -> Judged:
         """The same with a pair of poles for the servo, where the two lags are too few: it errs clearly less then.
 
-        A servo of second order that lags cannot imitate would else be taken for an effect of the dynamics.
+        A servo of second order that lags cannot imitate would else be taken for an effect of the dynamics. One that
+        would be slower, or needs all the delay that there may be, stands in for dead time that the model lacks.
         """
         core = present.explanation.core
         if core.servo_hz:
@@ -129,6 +131,10 @@ class Search:
         paired = [replace(core, servo_hz=one, lag_s=lag_s, second_lag_s=second_lag_s) for one in SERVO_HZ]
         fits = [self.fitted(replace(present.explanation, core=one)) for one in paired]
         judged = self.judged(present.candidate, min(fits, key=lambda one: one.cost))
+        served = judged.explanation.core
+        late = served.delay_s > (1.0 - AT_BOUND) * self.longest_delay_s
+        if late or served.servo_hz < (1.0 + AT_BOUND) * CORE["servo_hz"].low:
+            return present
         sure = sureness(present, judged, np.random.default_rng(0)) >= SERVO_SURE
         return judged if sure and gain(present, judged) >= SERVO_GAIN else present
 

@@ -203,14 +203,14 @@ def test_an_effect_that_was_fitted_starts_where_it_was():
     assert start.effects == (DeadZone(234.5),)
 
 
-def test_structure_starts_from_more_delay_and_from_three_frequencies():
+def test_structure_starts_from_more_delay_and_from_four_frequencies():
     delays = [one.core.delay_s for one in DelayCandidate().grown(BARE)]
     assert delays == pytest.approx([0.3, 0.8])
     late = replace(BARE, core=replace(BARE.core, delay_s=1.9))
     assert [one.core.delay_s for one in DelayCandidate().grown(late)][1] == CORE["delay_s"].high
     assert DelayCandidate().longest_delay_s == CORE["delay_s"].high
     starts = list(ResonanceCandidate().grown(BARE))
-    assert len({one.core.resonance_hz for one in starts}) == 3
+    assert len({one.core.resonance_hz for one in starts}) == 4
     for one in starts:
         assert one.structural == {"resonance"}
         assert all(RESONANCE[name].low < getattr(one.core, name) < RESONANCE[name].high for name in RESONANCE)

@@ -163,6 +163,14 @@ def test_a_servo_that_two_lags_describe_has_no_pair(plain):
     assert plain.base.explanation.core.servo_hz == 0.0
 
 
+def test_no_pair_stands_in_for_dead_time_that_the_model_lacks():
+    late = drive(400.0, noise_mps=0.01)
+    late = changed(late, **{INPUT: np.concatenate([late.input[9:], np.full(9, late.input[-1])])})
+    one = study([late], parse("arx:na=1,nb=2,delay_s=0.2"), None, PERIOD_S)
+    assert one.base.explanation.core.servo_hz == 0.0
+    assert diagnose(one).effects == ("transport_delay",)
+
+
 def test_the_pair_is_found_where_an_effect_hid_that_it_is_there(monkeypatch):
     slope = wander(4000, 0.1, 3, 3.0, 8.0)
     load = -0.15 * np.sin(np.radians(slope)) * GRAVITY_MPS2

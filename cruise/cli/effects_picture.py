@@ -113,16 +113,17 @@ def curves(subject: Effect) -> list[Curve]:
         Curve(effect := subject.reshaped(**shape(subject, share)), _label(effect, share), style)
         for share, style in styles.items()
     ]
-    others = [] if _alike(subject) else list(subject.parameters.items())[1:]
+    others = [(name, bound) for name, bound in subject.parameters.items() if name not in _alike(subject)][1:]
     for (name, bound), style in zip(others, HELD_BACK, strict=False):
         effect = drawn[2].effect.reshaped(**{name: bound.neutral})
         drawn.append(Curve(effect, _label(effect, STRONG), style))
     return drawn
 
 
-def _alike(subject: Effect) -> bool:
-    """Whether its parameters are several of one kind."""
-    return len(subject.parameters) > 1 and len(set(subject.parameters.values())) == 1
+def _alike(subject: Effect) -> list[str]:
+    """Its parameters of one kind, where there are several such."""
+    bounds = list(subject.parameters.values())
+    return [name for name, bound in subject.parameters.items() if bounds.count(bound) > 1]
 
 
 def shape(subject: Effect, share: float) -> dict[str, float]:
@@ -131,12 +132,10 @@ def shape(subject: Effect, share: float) -> dict[str, float]:
     Several that are alike are spread out, the first towards its low bound, the last towards its high one: gears that
     are all the same are no gears.
     """
-    bounds = subject.parameters
-    if _alike(subject):
-        sides = np.linspace(-share, share, len(bounds)).tolist()
-    else:
-        sides = [share if _ascends(bound) else -share for bound in bounds.values()]
-    return {name: _moved(bound, side) for (name, bound), side in zip(bounds.items(), sides, strict=True)}
+    alike = _alike(subject)
+    sides = {name: share if _ascends(bound) else -share for name, bound in subject.parameters.items()}
+    sides |= dict(zip(alike, np.linspace(-share, share, len(alike)).tolist(), strict=True))
+    return {name: _moved(bound, sides[name]) for name, bound in subject.parameters.items()}
 
 
 def _ascends(bound: Parameter) -> bool:

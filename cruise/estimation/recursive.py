@@ -69,8 +69,10 @@ class SquareRootRls:
             self._absorb(self.root[i], float(self.prior[i] - self.theta[i]), pull)
 
     def _absorb(self, direction: np.ndarray, innovation: float, variance: float) -> None:
-        """Potter's update with direction = S' x of a measurement of the given variance."""
+        """Potter's update with direction = S' x of a measurement of the given variance; what is certain stays."""
         total = float(direction.dot(direction)) + variance
+        if total == 0.0:
+            return
         gain = self.root.dot(direction)
         free = self.theta[: len(gain)]
         free += gain * (innovation / total)

@@ -88,3 +88,11 @@ def test_it_stays_accurate_over_a_million_badly_scaled_updates_worth_of_rounding
     assert np.linalg.eigvalsh(covariance).min() >= -1e-18
     assert rls.theta[0] == pytest.approx(0.5, abs=1e-6)
     assert rls.theta[1] + rls.theta[2] == pytest.approx(1e-3, rel=1e-4)
+
+
+def test_what_is_certain_stays_as_it_is():
+    x, y = data()
+    rls = SquareRootRls(PRIOR, np.array([0.5, 0.0, 0.2]), 0.05)
+    run(rls, x, y, 0.98)
+    assert rls.theta[1] == PRIOR[1]
+    assert np.isfinite(rls.theta).all()

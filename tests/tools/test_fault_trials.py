@@ -42,7 +42,7 @@ SELECTION = {  # fault, and what has to become of it; the seeds are such that it
     "bus-off of the service": "",
     "drive feedback forged, CRC known": "",
     "setpoint inserted": "two setpoints take turns",
-    "pump worn": "a force came at once",
+    "pump worn": "the speed changes as no command did",
     "disturbance upset": "the program's memory changed by itself",
     "command forged": "another node sends our messages",
     "speed zero": "",

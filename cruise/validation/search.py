@@ -35,6 +35,7 @@ SERVO_HZ: Final = (0.8, 1.8)  # from which the fit of a servo with a pair of pol
 SERVO_LAGS_S: Final = (0.05, 0.03)  # likewise, of the lags beside it
 SERVO_GAIN: Final = 0.03  # of the held-out loss, that the pair must take away,
 SERVO_SURE: Final = 2.0  # and by so many standard errors
+SERVO_SEED: Final = 0  # of the bootstrap that says so
 AT_BOUND: Final = 0.02  # of a bound, by which a number that wants beyond it is away from it
 
 Show = Callable[[str], None]
@@ -135,7 +136,7 @@ class Search:
         late = served.delay_s > (1.0 - AT_BOUND) * self.longest_delay_s
         if late or served.servo_hz < (1.0 + AT_BOUND) * CORE["servo_hz"].low:
             return present
-        sure = sureness(present, judged, np.random.default_rng(0)) >= SERVO_SURE
+        sure = sureness(present, judged, np.random.default_rng(SERVO_SEED)) >= SERVO_SURE
         return judged if sure and gain(present, judged) >= SERVO_GAIN else present
 
     def _starts_beside(self, explanation: Explanation) -> Starts:

@@ -187,7 +187,7 @@ def _pair(study: Study, alone: Step, rng: np.random.Generator, show: Show) -> _P
         step = tried_beside(study, first.judged, possible, [first.name], rng, show)
         for second in (one for one in step.tried if one.name not in MEDIATORS and one.counted > 0.0):
             both = together(alone, second.judged, [first.name, second.name])
-            other = next((one for one in named if one.name == second.name), second)
+            other = next(one for one in named if one.name == second.name)
             gained = 1.0 - second.judged.loss / alone.before.loss
             more = both >= ENOUGH and both - max(first.counted, other.counted) >= 0.5 * ENOUGH
             needed = both >= SOME and min(second.sureness, sureness(other.judged, second.judged, rng)) >= ANYHOW

@@ -24,18 +24,7 @@ POWERS: Final = (1, 2, 3)
 PUSHES: Final = (1, 2)  # powers of what pushes along the ground, whichever way the machine moves
 MOVING_MPS: Final = 0.1  # m/s, below which a load is taken to be held rather than felt
 FARTHEST: Final = 1.5  # half widths; beyond, a cubic says anything
-KNOTS_PCT: Final = (
-    1,
-    4,
-    10,
-    22,
-    38,
-    55,
-    72,
-    86,
-    95,
-    99,
-)  # percentiles of the current's size, closer at both of its ends
+KNOTS_PCT: Final = (1, 4, 10, 22, 38, 55, 72, 86, 95, 99)  # percentiles of the current's size, closer at both ends
 STEERS: Final = 0.02  # of the largest current: with less the machine is meant to stand
 DIRECTION_S: Final = 1.0  # s over which the current's direction is felt
 DIRECTION_MA: Final = 10.0  # mA by which it must have moved

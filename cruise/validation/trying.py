@@ -35,7 +35,9 @@ class Effort(NamedTuple):
 
     finished: int  # effects that are carried to their end,
     curves: int  # and dependences without physics
-    restarted: int  # effects that are fitted once more, from another core and from all starts, and the best curve, too
+    restarted: (
+        int  # effects that are fitted once more, from another core and from all starts; the best curve at first, too
+    )
 
 
 THOROUGH: Final = Effort(8, 4, 4)
@@ -167,7 +169,8 @@ def _fitted(
         show(f"finished {_in_words(everyone[i].name)}")
         fits[i] = finished
     best = sorted(effects, key=lambda i: fits[i].cost)[: effort.restarted]
-    best += sorted(curves, key=lambda i: fits[i].cost)[: min(effort.restarted, 1)]
+    if not chosen:  # where a curve may get the word
+        best += sorted(curves, key=lambda i: fits[i].cost)[: min(effort.restarted, 1)]
     again = partial(_from_elsewhere, search, present)
     for i, one in zip(best, side_by_side(again, [(everyone[i], fits[i]) for i in best]), strict=True):
         fits[i] = min(fits[i], one, key=lambda one: one.cost)

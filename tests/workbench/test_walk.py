@@ -138,6 +138,7 @@ def test_columns_of_other_names_and_units_are_asked_for(visit, tmp_path, one_rec
         for what, value in ((f"meaning of {column}", meaning), (f"unit of {column}", unit)):
             page.get_by_label(what).click()
             page.get_by_role("option", name=value, exact=True).click()
+            page.wait_for_function("!document.querySelector('[role=option]')")  # a list fades before it is gone
     page.get_by_role("button", name="Open it like this").click()
     page.get_by_text("How good, and how good at best").wait_for()
     page.get_by_text("no context signals").wait_for()

@@ -3,8 +3,8 @@
     e_k = sum_i f_i e_(k-i) + n_k,   whitened: n_k = e_k - sum_i f_i e_(k-i)
 
 Soil, wind and a wandering sensor leave errors that last; a slow effect that happens to wander with them would look like
-their cause. Whitened, every sample brings evidence of its own. Source: D. Cochrane, G.
-H. Orcutt, J. American Statistical Association 44 (1949) 32-61; L. Ljung, System Identification, 2nd ed., section 7.5.
+their cause. Whitened, every sample brings evidence of its own. Source: D. Cochrane, G. H. Orcutt, J. American
+Statistical Association 44 (1949) 32-61; L. Ljung, System Identification, 2nd ed., section 7.5.
 """
 
 from dataclasses import dataclass

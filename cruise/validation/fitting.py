@@ -126,6 +126,12 @@ class Fit:
     def explanation(self) -> Explanation:
         return self.layout.explanation(self.vector)
 
+    @cached_property
+    def room(self) -> np.ndarray:
+        """How far every number (p,) is from its nearest bound."""
+        low, high = self.layout.bounds
+        return np.minimum(self.vector - low, high - self.vector)
+
 
 class Objective:
     """Errors and derivatives of a layout over a scene."""

@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from cruise.effects import EFFECTS
-from cruise.validation.background import Background
+from cruise.validation.background import STRUCTURAL, Background
 from cruise.validation.candidates import MEDIATORS, UNNAMED, Candidate, without
 from cruise.validation.explanation import Explanation
 from cruise.validation.fitting import Fit
@@ -25,6 +25,7 @@ from cruise.validation.slip import slip_mps
 from cruise.validation.study import Study
 from cruise.validation.tried import LEAST_GAIN, Step, Tried, counted, held_out
 
+MOVED: Final = 0.03  # of the cost, by which a better core makes all be tried anew from it
 PLAIN: Final = 0.5  # of what the best cause leaves: with less, a consequence of the drive is a cause all the same
 
 Show = Callable[[str], None]
@@ -67,6 +68,9 @@ def tried_beside(
         first = min(range(len(fits)), key=lambda i: fits[i].cost)
         refitted = search.fitted(without(fits[first].explanation, everyone[first].name))
         before = min(before, refitted, key=lambda one: one.cost)
+    if before.cost < (1.0 - MOVED) * present.fit.cost:  # all others stand where the core was
+        found = {candidate.name: one for candidate, one in zip(everyone, fits, strict=True)}
+        return tried_beside(study, search.judged("", before), everyone, chosen, rng, show, effort, found)
     if not chosen:
         search.learn_disturbance(before, fits)
     if not chosen or before is not present.fit:
@@ -91,7 +95,7 @@ def tried_beside(
     ]
     said = _said(study, present, alone, everyone, chosen, rng, show)
     credit |= dict.fromkeys(MEDIATORS, 1.0 if said.through is Through.ITSELF else 0.0)
-    background.settle({name: credit[name] for name in named})
+    background.settle([name for name in named if credit[name] > 0.0])
     credit |= dict.fromkeys(said.refuted, 0.0)
     tried = [
         replace(
@@ -169,6 +173,8 @@ def _fitted(
         show(f"finished {_in_words(everyone[i].name)}")
         fits[i] = finished
     best = sorted(effects, key=lambda i: fits[i].cost)[: effort.restarted]
+    if best and present.explanation.core.servo_hz:  # which may ring in the place of what else does
+        best += [i for i in effects if everyone[i].name in STRUCTURAL and i not in best]
     if not chosen:  # where a curve may get the word
         best += sorted(curves, key=lambda i: fits[i].cost)[: min(effort.restarted, 1)]
     again = partial(_from_elsewhere, search, present)

@@ -19,10 +19,14 @@ Z = dict(zip(NAMES, SHAPES / np.sqrt(np.mean(SHAPES**2, axis=1))[:, None], stric
 J = RNG.standard_normal((N, 2)) * 0.05
 
 
-def fitted(error: np.ndarray) -> Any:
+def fitted(error: np.ndarray, room: float = np.inf) -> Any:
     """A fit of which only the error and its derivatives are asked."""
     return SimpleNamespace(
-        error_mps=error, jacobian=J, layout=SimpleNamespace(scale=np.ones(2)), cost=float(np.nanmean(error**2))
+        error_mps=error,
+        jacobian=J,
+        layout=SimpleNamespace(scale=np.ones(2)),
+        room=np.full(2, room),
+        cost=float(np.nanmean(error**2)),
     )
 
 
@@ -30,7 +34,7 @@ def background(present: np.ndarray, after: dict[str, np.ndarray], **options: Any
     found = Background(
         fitted(present), {name: fitted(error) for name, error in after.items()}, Disturbance(), list(after), **options
     )
-    found.settle(dict.fromkeys(after, 1.0))
+    found.settle(list(after))
     return found
 
 
@@ -57,10 +61,25 @@ def test_what_passes_for_little_follows_the_background():
     assert 0.0 < loud.evidence("grade") < quiet.evidence("grade")
 
 
+def test_two_large_effects_are_no_large_background():
+    error = NOISE + 0.05 * Z["grade"] + 0.04 * Z["dead_zone"]
+    two = background(error, alone(error))
+    assert two.little[1] == LITTLE[0]
+    assert min(two.evidence("grade"), two.evidence("dead_zone")) > 300.0
+    assert all(two.evidence(name) < 10.0 for name in NAMES if name not in ("grade", "dead_zone"))
+
+
 def test_what_the_core_can_move_is_no_effect():
     error = NOISE + J @ np.array([0.8, -0.6])
     one = background(error, {"grade": NOISE})
     assert one.evidence("grade") < 10.0
+
+
+def test_a_core_that_its_bounds_hold_moves_no_further():
+    error = NOISE + J @ np.array([0.8, -0.6])
+    held = Background(fitted(error, 0.0), {"grade": fitted(NOISE)}, Disturbance(), ["grade"])
+    held.settle(["grade"])
+    assert held.evidence("grade") > 100.0
 
 
 def test_a_form_that_is_a_little_wrong_keeps_its_evidence():

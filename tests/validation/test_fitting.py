@@ -16,7 +16,7 @@ from cruise.model.core import Core
 from cruise.recording import Recording
 from cruise.signals import OUTPUT
 from cruise.validation.candidates import DelayCandidate, EffectCandidate, ResonanceCandidate
-from cruise.validation.explanation import Explanation
+from cruise.validation.explanation import CORE, Explanation
 from cruise.validation.fitting import FAR, Fit, Objective, fit, layout
 from cruise.validation.search import Search
 from cruise.validation.simulation import Scene
@@ -216,6 +216,9 @@ def test_no_number_leaves_its_bounds():
             value = given[key] if key in given else getattr(owners[slot.owner], slot.name)
             assert slot.low <= value <= slot.high, key
     assert found.explanation.core.delay_s == pytest.approx(0.1, abs=0.002)
+    room = {slot.name: left for slot, left in zip(plan.slots, found.room.tolist(), strict=True)}
+    assert room["delay_s"] == pytest.approx(0.1 - found.explanation.core.delay_s)
+    assert room["lag_s"] == pytest.approx(found.explanation.core.lag_s - CORE["lag_s"].low)
     assert found.explanation.loads[0] == pytest.approx(0.0, abs=1e-3)
     (hysteresis, _) = found.explanation.effects
     assert isinstance(hysteresis, Hysteresis)

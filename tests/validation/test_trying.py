@@ -1,0 +1,56 @@
+"""Everything is tried from where the core really is."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cruise.identification.structures import parse
+from cruise.validation import trying
+from cruise.validation.candidates import candidates
+from cruise.validation.fitting import Fit
+from cruise.validation.search import Judged, Search
+from cruise.validation.study import Study, study
+from cruise.validation.tried import Step
+from cruise.validation.trying import MOVED, tried_beside
+from tests.validation.driving import drive
+
+PERIOD_S = 0.2
+
+
+@pytest.fixture(scope="module")
+def plain() -> Study:
+    return study([drive(160.0)], parse("arx:na=1,nb=3,delay_s=0.4"), None, PERIOD_S)
+
+
+def tried(one: Study, present: Judged) -> Step:
+    everyone, _ = candidates(one.recordings, present.explanation)
+    return tried_beside(one, present, everyone, [], np.random.default_rng(1), lambda text: None)
+
+
+def test_all_are_tried_anew_where_the_core_was_found_to_be_elsewhere(plain, monkeypatch):
+    present = plain.base.explanation
+    slow = replace(present, core=replace(present.core, time_constant_s=3.0, lag_s=0.9))
+    astray = plain.search.judged("", plain.search.fitted(slow, steps=1))
+    assert astray.fit.cost > 1.5 * plain.base.fit.cost
+    step = tried(plain, astray)
+    assert step.before.loss == pytest.approx(plain.base.loss, rel=0.02)
+    assert min(one.gain for one in step.tried) > -0.1, "none stands where the core was"
+    monkeypatch.setattr(trying, "MOVED", 1.0)
+    assert min(one.gain for one in tried(plain, astray).tried) < -0.1
+    assert MOVED < 0.1
+
+
+def test_what_rings_is_fitted_from_elsewhere_where_the_core_has_a_pair_of_its_own(monkeypatch):
+    one = study([drive(160.0, noise_mps=0.01, pair=(0.9, 0.7))], parse("arx:na=1,nb=3,delay_s=0.4"), None, PERIOD_S)
+    seen: list[str] = []
+
+    def elsewhere(search: Search, present: Judged, begun: tuple) -> Fit:
+        seen.append(begun[0].name)
+        return begun[1]
+
+    monkeypatch.setattr(trying, "_from_elsewhere", elsewhere)
+    monkeypatch.setattr(trying, "side_by_side", lambda work, things: [work(thing) for thing in things])
+    assert one.base.explanation.core.servo_hz
+    tried(one, one.base)
+    assert {"resonance", "transport_delay"} <= set(seen)

@@ -30,12 +30,16 @@ from cruise.control.slope import SlopeObserver
 from cruise.control.trend import Trend
 from cruise.control.width import BelievedWidth
 from cruise.effects import Effect
+from cruise.effects.gear_ratio import GearRatio
 from cruise.effects.grade import Grade
 from cruise.model.model import Model, ModelState
 from cruise.settings import Positive, SettingsError
 from cruise.signals import OUTPUT, Sample
 
 POWER = ("engine_load_pct", "engine_speed_rpm", "line_pressure_bar")
+# Of the top speed in second gear, the mean at which a drive is learned: a lesson goes up to three quarters of it, and
+# with a characteristic like a parabola the fast part, where a current moves most, counts most: 0.6 of that.
+LESSON_SHARE = 0.45
 PACE_STEPS = 20.0  # per factor e: poles that differ by less share one programme
 
 
@@ -204,6 +208,17 @@ class Controller:
         a, _, loads, c_0 = self.model.split(self.model.theta)
         return (c_0 + sum(c * phi for c, phi in zip(loads, state.loads, strict=True))) / (1.0 - a[0])
 
+    def _coming_pole(self, state: ModelState) -> float:
+        """The pole of the vehicle at the stroke that was sent last."""
+        stroke = self._stroke(self._gain * state.gain * state.drives[0])
+        return self.observer.pole(self.pole, self.pace, stroke)
+
+    def _stroke(self, drive_mps: float) -> float:
+        """That of the pump for a drive in m/s of steady speed, over the one at which it was learned."""
+        gears = next((effect for effect in self.model.effects if isinstance(effect, GearRatio)), None)
+        ratio = 0.0 if gears is None else gears.ratio(self.signals["gear"])
+        return drive_mps / ratio / (LESSON_SHARE * gears.gear_2_mps) if gears is not None and ratio > 0.0 else 1.0
+
     def _limit_status(self) -> LimitStatus:
         limits = self.settings.limits
         if self.wanted_ma >= limits.current_max_ma or self.power.limiting:
@@ -236,7 +251,8 @@ class Controller:
         self.trend.step(state.gain, load_mps)
         self.width.step(self.state, state, sample.current_ma, signals)
         steady_mps, width_mps = (self._felt_mps(state, drives) for drives in (state.drives, self.width.drives_ma))
-        self.observer.step(self.pole, steady_mps + load_mps, sample.speed_mps, self.pace, width_mps)
+        stroke = self._stroke(steady_mps)
+        self.observer.step(self.pole, steady_mps + load_mps, sample.speed_mps, self.pace, width_mps, stroke)
         self.state = self.width.believe(self.observer.width_share, model.observe(state, self.observer.speed_mps))
         self.current_ma = sample.current_ma
 
@@ -256,9 +272,9 @@ class Controller:
         self.past_references.extend([speed_mps] * len(self.past_references))
         self.limited = ""
 
-    def _programme(self) -> Programme:
-        """The law for the pole of the drive as it is now, made when it is met first."""
-        pole = self.observer.pole(self.pole)
+    def _programme(self, state: ModelState) -> Programme:
+        """The law for the pole that the drive is about to have, made when it is met first."""
+        pole = self._coming_pole(state)
         key = round(PACE_STEPS * math.log(max(1.0 - pole, 1e-6)))
         found = self._programmes.get(key)
         if found is None:
@@ -274,7 +290,7 @@ class Controller:
         if not gain > 0.0:  # neutral gear, or no drive at this engine speed
             self.limited = "no drive"
             return
-        programme = self._programme()
+        programme = self._programme(state)
         coming = [*self.past_references, *self.reference.preview(setpoint_mps, self.frame_s, programme.count)]
         reference = np.array(coming[1 : 1 + programme.count])
         limits = settings.limits

@@ -1,7 +1,7 @@
 """The disturbance observer: what the model doesn't explain, as one slowly moving number, and how fast the drive is now.
 
     x_k = [y_k, d_k, q_k, r_k]'
-    y_(k+1) = y_k + p_k (1 - A) (s_k + d_k - y_k) + noise,   d_(k+1) = d_k + sqrt(alpha) noise
+    y_(k+1) = y_k + p_k p_s (1 - A) (s_k + d_k - y_k) + noise,   d_(k+1) = d_k + sqrt(alpha) noise
     q' = r,   r' = -omega^2 q - 2 zeta omega r + noise,   measured: y_k + r_k + noise
     d_k = d_(k|k-1) + c_k K_d e_k,   c_k = 1 / (1 + (s'_k / R)^2)
     K = K_0 + w_k (K_1 - K_0),   w_k = 1 - min(1, V / m_k^2),   m_k = m_(k-1) + (T / tau_m) (c_k e_k - m_(k-1))
@@ -26,15 +26,18 @@ much of it counts as what lasts of the innovations, m, is more than chance, of v
 innovations show (D. H. Zhou and P. M. Frank, "Strong tracking filtering of nonlinear time-varying stochastic systems
 with coloured noise", Int. J. Control 65 (1996)).
 
-p is the pace of the drive over the one that equation 12 gives the gear. The time constant of a hydrostatic drive is the
-mass times its compliance, leakage and a pump that the pressure destrokes: i^2 (a + b stroke) in a gear of ratio i,
-where the equation has i^2 alone. So p is 1 where the model was learned, alpha = 1, and known the less the more a gear
-slows the drive: to kappa |ln alpha|, one standard deviation of ln p. K_p is the gain of a Kalman filter for ln p alone,
-to which dx / d ln p, from a second filter beside the first, shows it. An extended Kalman filter would move x along with
-p; but p (s + d - y) is the same for a slow drive with much of a disturbance as for a fast one with little, and where
-the model errs the two wound each other up without end. So an innovation is shared: what comes while the drive moves is
-its pace, what comes at rest a disturbance, and x follows by its own filter (recursive prediction errors: L. Ljung,
-"Asymptotic behavior of the extended Kalman filter as a parameter estimator for linear systems", IEEE TAC 24 (1979)).
+p p_s is the pace of the drive over the one that equation 12 gives the gear. The time constant of a hydrostatic drive is
+the mass times its compliance, leakage and a pump that the pressure destrokes: i^2 (a + b stroke) in a gear of ratio i,
+where the equation has i^2 alone. What of that is known is p_s = 1 / (1 - c_s + c_s z), z stroke over that at which the
+drive was learned, c_s share of b there: fourth gear slows down by a half from walking to driving on a road. It counts
+where a gear is slowed, alpha < 1; in the others the vehicle is quicker than the servo at any stroke. The rest, p, is 1
+where the model was learned, and known the less the more a gear slows the drive: to kappa |ln alpha|, one standard
+deviation of ln p. K_p is the gain of a Kalman filter for ln p alone, to which dx / d ln p, from a second filter beside
+the first, shows it. An extended Kalman filter would move x along with p; but p (s + d - y) is the same for a slow drive
+with much of a disturbance as for a fast one with little, and where the model errs the two wound each other up without
+end. So an innovation is shared: what comes while the drive moves is its pace, what comes at rest a disturbance, and x
+follows by its own filter (recursive prediction errors: L. Ljung, "Asymptotic behavior of the extended Kalman filter as
+a parameter estimator for linear systems", IEEE TAC 24 (1979)).
 
 h is the share of its hysteresis' width that the model is believed (`width.py`). A band that is too wide makes the
 machine go too far at every turn of the current, so that e takes the sign of the turn, as dx / dh from a third filter
@@ -48,7 +51,7 @@ is too wide swings.
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Annotated, Final
 
 import msgspec
 import numpy as np
@@ -71,7 +74,9 @@ class ObserverSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
     brisk_mps2: Positive = 0.4  # R, m/s2: at this rate of s half of an innovation is believed; hills stay below it
     brisk_s: Positive = 0.5  # tau_m, s over which the rate is seen, and what lasts of the innovations
     pace_share: Positive = 0.25  # kappa: fourth gear is slowed to a seventh, give or take a factor of 1.6
-    pace_s: Positive = 5.0  # tau, s: a stroke is kept for about as long
+    pace_s: Positive = 5.0  # tau, s: a pressure is kept for about as long
+    # c_s: 2 to 12 l/min leak at 100 bar, and a pump without feedback gives up 2 to 10 % of 100 l/min: half and half
+    stroke_share: Annotated[float, msgspec.Meta(ge=0, le=0.8)] = 0.5
     width_share: Positive = 0.5  # one standard deviation of h: a width that is learned in the field errs by as much
     width_s: Positive = 1800.0  # tau_h, s: what makes a width, oil and wear, changes more slowly
 
@@ -135,17 +140,25 @@ class DisturbanceObserver:
         """Standard deviation of ln p: how much quicker or slower the drive may be."""
         return math.sqrt(self.log_pace_variance)
 
-    def pole(self, pole: float) -> float:
+    def pole(self, pole: float, pace: float = 1.0, stroke: float = 1.0) -> float:
         """That of the drive as it is now, for the one that the model gives the gear."""
-        return 1.0 - min(math.exp(self.log_pace) * (1.0 - pole), 1.0)
+        share = self.settings.stroke_share if pace < 1.0 else 0.0
+        known = 1.0 / (1.0 - share + share * max(stroke, 0.0))
+        return 1.0 - min(math.exp(self.log_pace) * known * (1.0 - pole), 1.0)
 
     def step(
-        self, pole: float, steady_mps: float, speed_mps: float, pace: float = 1.0, width_mps: float = 0.0
+        self,
+        pole: float,
+        steady_mps: float,
+        speed_mps: float,
+        pace: float = 1.0,
+        width_mps: float = 0.0,
+        stroke: float = 1.0,
     ) -> float:
         """One frame on: predict with the model, correct with the measured speed; returns the innovation in m/s.
 
-        `width_mps` is by how much the width of the hysteresis moves the steady speed, ds / dh. A state that was upset
-        stays so.
+        `width_mps` is by how much the width of the hysteresis moves the steady speed, ds / dh, and `stroke` that of the
+        pump over the one at which it was learned. A state that was upset stays so.
         """
         upset = self.upset
         found = self._filters.get((pole, pace))
@@ -153,7 +166,7 @@ class DisturbanceObserver:
             if len(self._filters) == MOST_FILTERS:
                 del self._filters[next(iter(self._filters))]
             found = self._filters[pole, pace] = self.filter(pole, pace)
-        share, moves = 1.0 - self.pole(pole), found.moves.copy()
+        share, moves = 1.0 - self.pole(pole, pace, stroke), found.moves.copy()
         moves[0, :2] = 1.0 - share, share
         ahead_mps = steady_mps + self.disturbance_mps - self.speed_mps
         states = np.array([(self.speed_mps, self.disturbance_mps, *self.ripple), self.moved, self.turned]) @ moves.T

@@ -397,3 +397,27 @@ def test_models_that_drove_before_leave_no_memory_behind():
         observer.step(0.9 + 1e-4 * k, 1.0, 1.0)
     assert len(observer._filters) == MOST_FILTERS
     assert (0.9 + 1e-4 * (5 * MOST_FILTERS - 1), 1.0) in observer._filters, "the oldest go first"
+
+
+def test_a_slowed_drive_is_slower_with_more_stroke():
+    """i^2 (a + b stroke), half and half: as learned at that stroke, a half slower at twice of it."""
+    observer = DisturbanceObserver(FRAME_S, ObserverSettings())
+    assert observer.pole(HIGH_POLE, HIGH_PACE, 1.0) == pytest.approx(HIGH_POLE)
+    assert 1.0 - observer.pole(HIGH_POLE, HIGH_PACE, 2.0) == pytest.approx((1.0 - HIGH_POLE) / 1.5)
+    assert 1.0 - observer.pole(HIGH_POLE, HIGH_PACE, 0.0) == pytest.approx(2.0 * (1.0 - HIGH_POLE))
+    assert observer.pole(POLE, 1.0, 2.0) == pytest.approx(POLE), "where it was learned nothing is added"
+    leaks = DisturbanceObserver(FRAME_S, ObserverSettings(stroke_share=0.0))
+    assert leaks.pole(HIGH_POLE, HIGH_PACE, 2.0) == pytest.approx(HIGH_POLE)
+
+
+def test_a_drive_of_more_stroke_is_followed_without_a_disturbance():
+    """A step of a drive with twice the stroke, exactly as slow as that makes it: nothing is left to explain."""
+    observer, steady, speed = DisturbanceObserver(FRAME_S, ObserverSettings()), 3.0, 3.0
+    observer.reset(speed)
+    for k in range(200):
+        steady = 3.5 if k > 20 else 3.0
+        speed += (1.0 - HIGH_POLE) / 1.5 * (steady - speed)
+        observer.step(HIGH_POLE, steady, speed, HIGH_PACE, stroke=2.0)
+        assert abs(observer.innovation_mps) < 1e-9
+    assert observer.log_pace == pytest.approx(0.0, abs=1e-9)
+    assert observer.disturbance_mps == pytest.approx(0.0, abs=1e-9)

@@ -80,6 +80,15 @@ def test_the_lesson_teaches_when_the_drive_answers():
     assert mean_s == pytest.approx(0.05 * float(np.sum(1.0 - way)), abs=0.04)
 
 
+def test_the_gears_are_told_by_what_a_current_more_is_worth():
+    """Not by the speeds: what rolling costs grows with the square of the ratio. The machine's own are 4.40 and 7.80."""
+    gears = machines.gears(PLANT, 3)
+    assert gears.gear_2_mps == machines.SECOND_MPS
+    assert 1.35 < gears.gear_1_mps < 1.45
+    assert 4.15 < gears.gear_3_mps < 4.4
+    assert 6.75 < gears.gear_4_mps < 7.8
+
+
 def test_the_share_within_a_limit():
     assert scores.within([np.array([0.5, -0.5, 2.0]), np.array([-3.0])], 1.0) == 0.5
 

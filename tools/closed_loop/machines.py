@@ -33,7 +33,7 @@ SLOPE_S: Final = 0.4  # s, through which a slope is seen: the acceleration of on
 LONGEST_DELAY_S: Final = 1.1
 LESSON_S: Final = 900.0  # s of driving by hand that teaches the model
 HAND_MA_PER_S: Final = 300.0  # mA/s, of a lever that is moved by hand
-GEAR_MA, GEAR_S = 790.0, 20.0  # mA and s, one run in each gear
+GEAR_MA, GEAR_S = (700.0, 900.0), 20.0  # mA and s, two runs in each gear
 STRUCTURE: Final = "arx:na=1,nb=4,delay_s=0.4+dead_zone+quadratic_gain+engine_speed+grade+hysteresis+oil_temperature"
 MACHINES: Final[dict[str, dict]] = {
     "factory": {},
@@ -106,16 +106,24 @@ def lesson(plant: PlantSettings, seed: int, seconds: float = LESSON_S, period_s:
 
 
 def gears(plant: PlantSettings, seed: int) -> GearRatio:
-    """The gears as one steady run in each shows them, relative to second."""
-    speeds_mps = []
+    """The gears as two steady runs in each show them, relative to second.
+
+    A gear scales the drive, and beside it stands what is the same in all of them: that is in no difference of speeds.
+    """
+    more_mps = []
     for gear in (1, 2, 3, 4):
-        combine = Combine(plant, seed)
-        inputs = Inputs(GEAR_MA, gear=gear, rolling_resistance=0.05)
-        combine.advance(inputs, GEAR_S - 5.0)
-        shown = [one.value for one in combine.advance(inputs, GEAR_S) if one.name == OUTPUT]
-        speeds_mps.append(float(np.mean(shown)))
-    tops = [SECOND_MPS * speed / speeds_mps[1] for speed in speeds_mps]
+        slow_mps, fast_mps = (_steady_mps(plant, seed, gear, current_ma) for current_ma in GEAR_MA)
+        more_mps.append(fast_mps - slow_mps)
+    tops = [SECOND_MPS * more / more_mps[1] for more in more_mps]
     return GearRatio(*tops)
+
+
+def _steady_mps(plant: PlantSettings, seed: int, gear: int, current_ma: float) -> float:
+    """The mean of what the drive's sensor shows of one run, once it is steady."""
+    combine = Combine(plant, seed)
+    inputs = Inputs(current_ma, gear=gear, rolling_resistance=0.05)
+    combine.advance(inputs, GEAR_S - 5.0)
+    return float(np.mean([one.value for one in combine.advance(inputs, GEAR_S) if one.name == OUTPUT]))
 
 
 def learned(recording: Recording, gear_ratio: GearRatio, structure: str = STRUCTURE) -> Model:

@@ -35,7 +35,7 @@ from cruise.validation.candidates import UNNAMED
 from cruise.validation.diagnose import SEED, Diagnosis, Verdict
 from cruise.validation.noise_floor import NoiseFloor
 from cruise.validation.search import Judged
-from cruise.validation.tried import ENOUGH, FEW, LEAST_GAIN, MUCH, asked
+from cruise.validation.tried import ENOUGH, FEW, LEAST_GAIN, MUCH, RESISTS, asked
 
 WIDTH: Final = 80
 LINES: Final = 8  # of the ranking; --json has them all
@@ -221,7 +221,8 @@ def _ranking(console: Console, found: Diagnosis) -> None:
     _print(
         console,
         f"evidence: beside a little of every other effect; {ENOUGH:g} is enough for a name, {asked(MUCH):g} for one "
-        f"that takes {100 * MUCH:.0f} % or more of the squared error, {asked(LEAST_GAIN):g} below {100 * FEW:.0f} %",
+        f"that takes {100 * MUCH:.0f} % or more of the squared error, {asked(LEAST_GAIN):g} below {100 * FEW:.0f} % "
+        f"({RESISTS * asked(LEAST_GAIN):g} for a resistance, which soil looks like)",
     )
     if found.steps[0].forces is not None:
         _print(console, "t and evidence: as weighed where every force is known")

@@ -44,7 +44,8 @@ LEAST_DYNAMIC: Final = 0.1  # the same share for two that change the dynamics, w
 LEAST_STRUCTURAL: Final = 0.15  # and for one of the core's own structure, beside which something else was found;
 PLAINLY: Final = (12.0, 0.3, 0.1)  # or evidence times gain, where it takes more of both: no wrong form leaves so much
 MOST: Final = 0.5  # of the present loss: what takes more of it, and nearly all that can be explained, may be any share
-LEAST_CURVED: Final = 0.45  # of the loss, that a free curve must explain to have the word
+LEAST_CURVED: Final = 0.45  # of the loss, that a free curve must explain to have the word,
+PLAINLY_CURVED: Final = (0.3, 180.0, 5.0)  # or so much, with evidence and standard errors that no soil has
 CURVED: Final = (60.0, 0.05)  # evidence, and share of it, by which a free curve must exceed all effects
 FAR: Final = 0.25  # of what all effects leave above the noise: a curve that leaves less has the word, and
 LESS: Final = 0.7  # of what they leave in all, with as much evidence; clearly less, with more,
@@ -132,7 +133,7 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
         more = _left_over(chosen, steps[-1], steps[-2].before)
         alone = tried_in(steps[0], more.name) if more is not None else None
         if more is not None and alone is not None and alone.judged.loss < LOOSE * more.judged.loss:
-            curve, margin = alone, more.counted - asked(more.gain)
+            curve, margin = alone, more.counted - asked(more.gain, more.name)
         elif more is not None:
             beside = more.name.removeprefix(UNNAMED)
     if curve is not None:
@@ -204,7 +205,7 @@ def _curve(first: Step, chosen: float, left: float) -> tuple[Tried | None, float
     """
     curves = [one for one in first.tried if one.name.startswith(UNNAMED)]
     named = [one for one in first.tried if not one.name.startswith(UNNAMED)]
-    best = max((one for one in curves if one.gain >= LEAST_CURVED), key=counted, default=None)
+    best = max((one for one in curves if _curves(one)), key=counted, default=None)
     if best is None or not enough(best):
         return None, 0.0
     direct = [one.compared.loss for one in named if one.name not in MEDIATORS and one.sureness >= SURE]
@@ -225,6 +226,13 @@ def _curve(first: Step, chosen: float, left: float) -> tuple[Tried | None, float
     same = [one for one in named if mine in EFFECTS[one.name].needs and mine != OUTPUT and enough(one)]
     taken = [(first.before.loss - one.judged.loss) / (first.before.loss - best.judged.loss) for one in same]
     return (None, 0.0) if max(taken, default=0.0) >= SAME_SIGNAL else (best, margin)
+
+
+def _curves(one: Tried) -> bool:
+    """Whether a free curve explains enough to have the word."""
+    least, evidence, sure = PLAINLY_CURVED
+    plainly = one.gain >= least and one.counted >= evidence and one.sureness >= sure
+    return plainly or one.gain >= LEAST_CURVED
 
 
 def _left_over(chosen: Sequence[str], last: Step, before: Judged) -> Tried | None:

@@ -35,6 +35,8 @@ from cruise.validation.tried import (
     LOOSE,
     MUCH,
     RARE,
+    RESISTANCE,
+    RESISTS,
     SOME,
     SURE,
     WHOLE,
@@ -149,6 +151,20 @@ def test_a_curve_that_leaves_far_less_error_has_the_word_with_as_much_evidence(u
     assert selection._curve(moved, 0.0, 0.99 * loss / MEDIATED) == (None, 0.0), "soil that nobody recorded shows there"
     better = replace(rival, compared=replace(curve.judged, raw=0.99 * curve.judged.raw), sureness=SURE)
     assert selection._curve(replace(first, tried=(curve, better)), 0.0, 10.0 * loss) == (None, 0.0), "an effect does"
+
+
+def test_a_curve_that_explains_less_needs_evidence_that_no_soil_has(unlisted):
+    least, evidence, sure = selection.PLAINLY_CURVED
+    first = unlisted.steps[0]
+    curve = replace(first.tried[0], gain=1.01 * least, evidence=1.01 * evidence, sureness=1.01 * sure, credit=1.0)
+
+    def word(**less: float) -> Tried | None:
+        return selection._curve(replace(first, tried=(replace(curve, **less),)), 0.0, first.before.loss)[0]
+
+    assert word() is not None
+    for less in ({"gain": 0.99 * least}, {"evidence": 0.99 * evidence}, {"sureness": 0.99 * sure}):
+        assert word(**less) is None
+    assert word(gain=1.01 * selection.LEAST_CURVED, evidence=0.99 * evidence, sureness=0.99 * sure) is not None
 
 
 def test_what_stands_in_for_an_effect_that_nobody_listed_is_seen_by_what_a_curve_takes_beside_it():
@@ -430,6 +446,16 @@ def test_what_few_blocks_hold_needs_more_evidence(grade):
     assert not enough(replace(one, evidence=1e4, sureness=0.9 * rare))
 
 
+@pytest.mark.parametrize("name", sorted(RESISTANCE))
+def test_what_soil_looks_like_needs_more_of_everything_where_it_takes_little(grade, name):
+    one = replace(grade.steps[0].tried[0], name=name, gain=0.4, credit=1.0)
+    asks = asked(0.4, name)
+    assert asks == RESISTS * asked(0.4, "grade")
+    assert enough(replace(one, evidence=1.1 * asks, sureness=1.1 * SURE))
+    assert not enough(replace(one, evidence=0.9 * asks, sureness=0.9 * ANYHOW))
+    assert asked(0.6, name) == asked(0.6, "grade")
+
+
 def test_what_takes_all_that_can_be_explained_is_named_with_little_evidence(grade):
     step = replace(grade.steps[0], background=copy(grade.steps[0].background))
     before, (gain, sure) = step.before, WHOLE
@@ -442,6 +468,8 @@ def test_what_takes_all_that_can_be_explained_is_named_with_little_evidence(grad
     assert not enough(takes(0.95))
     assert whole(takes(0.95), step)
     assert not whole(takes(0.85), step), "soil that looks like friction takes as much"
+    soil = replace(takes(0.95), name="rolling_resistance")
+    assert not whole(soil, step)
     for less in ({"gain": 0.9 * gain}, {"evidence": 0.9 * SOME}, {"sureness": 0.9 * sure}):
         assert not whole(replace(takes(0.95), **less), step)
 

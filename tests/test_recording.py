@@ -63,6 +63,30 @@ def test_an_even_file_is_taken_as_it_is(tmp_path):
     np.testing.assert_allclose(read.output, 0.2 * np.arange(20), atol=1e-9)
 
 
+@pytest.mark.parametrize(("most", "unit", "scale"), [(1.0, "a share of all", 1000.0), (95.0, "per cent", 10.0)])
+def test_an_input_that_is_no_current_counts_as_a_share_of_one(tmp_path, most, unit, scale):
+    """Bounds and starts of the effects are in mA: a stop at 0.9 of the pedal would be below all of them."""
+    rows = [f"{0.1 * k:.1f},{most * k / 40:.6g},{k / 10:.6g}" for k in range(41)]
+    file = csv_of(tmp_path, rows, "time_s,pedal,ground_speed_mps")
+    read = read_csv(file, RecordingSettings(input="pedal"))
+    np.testing.assert_allclose(read.input, scale * most * np.arange(41) / 40, rtol=1e-5)
+    assert f"read as {unit}, all of it as 1000 mA" in read.notes[0]
+    assert "columns: {pedal: {scale: 1}}" in read.notes[0]
+    said = RecordingSettings(input="pedal", columns={"pedal": ColumnSettings(scale=1.0)})
+    np.testing.assert_allclose(read_csv(file, said).input, most * np.arange(41) / 40, rtol=1e-5)
+    named = csv_of(tmp_path, rows, "time_s,pump_current_ma,ground_speed_mps")
+    np.testing.assert_allclose(read_csv(named, PLAIN).input, most * np.arange(41) / 40, rtol=1e-5)
+
+
+@pytest.mark.parametrize(
+    "rows", [[f"{0.1 * k:.1f},{20 * k},{k / 10}" for k in range(41)], [f"0.{k},0.5,0.1" for k in range(10)]]
+)
+def test_a_current_or_what_moves_no_machine_is_taken_as_it_is(tmp_path, rows):
+    read = read_csv(csv_of(tmp_path, rows, "time_s,pedal,ground_speed_mps"), RecordingSettings(input="pedal"))
+    assert read.notes == ()
+    assert read.input[-1] == float(rows[-1].split(",")[1])
+
+
 @given(
     dt_s=st.sampled_from([0.01, 0.02, 0.03, 1 / 30, 0.05, 0.07, 0.1, 0.125, 0.2, 0.375, 1.0]),
     start_s=st.floats(-1e4, 1e6),

@@ -99,7 +99,7 @@ def diagnose(study: Study, show: Show = lambda text: None) -> Diagnosis:
     show("what the recorded signals still foretell")
     hidden = _hidden(study, found)
     over = excess(hidden, base, final)
-    alone = 0.0 if found.curved or found.unrecorded or over > 1.0 else untold(found)
+    alone = 0.0 if found.curved or found.unrecorded or over > 1.0 else untold(found, hidden.drift)
     unlisted = found.curved or found.unrecorded or max(over, alone) > 1.0
     places = () if unlisted else tuple(exchanged(study, name, found, rng, show) for name in named)
     alike = tuple((one.name, *one.alike) for one in places if one.alike)

@@ -1,14 +1,15 @@
 """The catch-all: how much of an error the recorded signals and the current's history foretell, whatever the law.
 
     e = error - J d - sum_j b_j z_j,   |d| <= 1,   0 <= b_j <= 1/2        what a little of every known effect leaves
-    share  R^2 = 1 - sum_k (e_k - p_k)^2 / sum_k e_k^2
+    share  R^2 = 1 - sum_k (e_k - p_k)^2 / min(sum_k e_k^2, sum_k (e_k - w_k)^2)
 
 J derivatives of the error by the model's own parameters in units of a typical change, z_j what effect j takes away
-where it is fitted alone: every machine may have half of each of them. p_k comes from gradient boosted trees that have
-not seen the block of time in which k lies. They see the current as it is and was (bands of it, and plays, which
-remember where it came from), the speed of the model and every signal that the drive itself doesn't move: what answers
-to the drive would show them the error. Noise, soil and wind that nobody recorded are not foretold; an effect that no
-one has named is, a memory of the current's included.
+where it is fitted alone: every machine may have half of each of them. p_k and w_k come from gradient boosted trees that
+have not seen the block of time in which k lies. Those of p see the current as it is and was (bands of it, and plays,
+which remember where it came from), the speed of the model, the clock and every signal that the drive itself doesn't
+move: what answers to the drive would show them the error. Those of w see the clock alone: soil wanders slowly, and oil
+that warms up or a bin that fills tells the time as well as any clock. Noise, soil and wind that nobody recorded are not
+foretold by more than that; an effect that no one has named is, a memory of the current's included.
 Source: J. H. Friedman, Greedy function approximation: a gradient boosting machine, Annals of Statistics 29 (2001) 1189.
 """
 
@@ -39,6 +40,7 @@ MOVED: Final = frozenset({"line_pressure_bar", "engine_load_pct"})
 FOLDS: Final = 5
 LITTLE: Final = 0.5  # of what an effect takes away where it is fitted alone
 ROUNDING: Final = 1e-9  # of the diagonal of the normal equations
+CLOCK: Final = "time_s"
 CHANCE: Final = 0.3  # R^2 that trees may reach on what nothing moves
 LEAST_NAMED: Final = 0.2  # of the share, that is lost with a signal that is worth naming
 TREES: Final = {
@@ -54,34 +56,42 @@ TREES: Final = {
 
 @dataclass(frozen=True)
 class Foretold:
-    """R^2, what is foretold in m2/s2, and the signals without which most of it is lost, the costliest first."""
+    """R^2, what is foretold in m2/s2, and the signals without which most of it is lost, the costliest first.
+
+    `drift` in m2/s2 is what the clock alone foretells, which counts for none of it.
+    """
 
     share: float
     loss: float
     signals: tuple[str, ...]
+    drift: float = 0.0
 
 
 def foretold(scene: Scene, present: Fit, others: Sequence[Fit], blocks: np.ndarray) -> Foretold:
     """How much of the error of a fit is foretold across `blocks` (N,) of time, a little of all `others` beside it."""
     error_mps = beside(present, others)
-    whole, without = _across(scene, present, error_mps, blocks)
+    seen = {CLOCK: [_clock(scene)], **_seen(scene, scene.speed_mps - bounded(present.error_mps))}
+    told, without = _across(seen, error_mps, blocks)
+    drift, _ = _across({CLOCK: seen[CLOCK]}, error_mps, blocks, mixed=False)
     known = np.isfinite(error_mps)
     error = error_mps[known]
-    total = max(float(error @ error), 1e-12)
+    whole = float(error @ error)
+    left = max(min(float(np.sum((error - drift[known]) ** 2)), whole), 1e-12)
 
     def share(part: np.ndarray) -> float:
-        return 1.0 - float(np.sum((error - part[known]) ** 2)) / total
+        return 1.0 - float(np.sum((error - part[known]) ** 2)) / left
 
-    all_of_it = share(whole)
-    lost = {name: all_of_it - share(part) for name, part in without.items()}
+    all_of_it = share(told)
+    lost = {name: all_of_it - share(part) for name, part in without.items() if name != CLOCK}
     named = [name for name in sorted(lost, key=lambda name: -lost[name]) if lost[name] > LEAST_NAMED * all_of_it]
-    loss = max(all_of_it, 0.0) * total / max(len(error), 1)
-    return Foretold(all_of_it, loss, tuple(named) if all_of_it > CHANCE else ())
+    count = max(len(error), 1)
+    loss = max(all_of_it, 0.0) * left / count
+    return Foretold(all_of_it, loss, tuple(named) if all_of_it > CHANCE else (), (whole - left) / count)
 
 
 def share_told(scene: Scene, present: Fit, part_mps: np.ndarray, blocks: np.ndarray) -> float:
     """R^2 that is foretold of any part (N,) of the error of a fit, such as what one effect takes away, but its mean."""
-    whole, _ = _across(scene, present, part_mps, blocks)
+    whole, _ = _across(_seen(scene, scene.speed_mps - bounded(present.error_mps)), part_mps, blocks, mixed=False)
     known = np.isfinite(part_mps)
     part = part_mps[known]
     return 1.0 - float(np.mean((part - whole[known]) ** 2)) / max(float(np.var(part)), 1e-12)
@@ -89,10 +99,9 @@ def share_told(scene: Scene, present: Fit, part_mps: np.ndarray, blocks: np.ndar
 
 @threadpool_limits.wrap(limits=1)  # two threads that wait for each other cost more than they bring
 def _across(
-    scene: Scene, present: Fit, part_mps: np.ndarray, blocks: np.ndarray
+    seen: Mapping[str, list[np.ndarray]], part_mps: np.ndarray, blocks: np.ndarray, mixed: bool = True
 ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """What trees foretell (N,) of a part of the error across blocks of time; and as if a signal had been another's."""
-    seen = _seen(scene, scene.speed_mps - bounded(present.error_mps))
     names = [name for name, columns in seen.items() for _ in columns]
     matrix = np.column_stack([column for columns in seen.values() for column in columns])
     known, held = np.isfinite(part_mps), blocks % FOLDS
@@ -105,10 +114,10 @@ def _across(
         trees = HistGradientBoostingRegressor(**TREES).fit(matrix[shown], part[shown])
         rows = matrix[unseen]
         whole[unseen] = trees.predict(rows)
-        for name in seen:  # as if the signal had been that of another time
+        for name in seen if mixed else ():  # as if the signal had been that of another time
             mine = np.array([one == name for one in names])
-            mixed = np.where(mine, np.roll(rows, len(rows) // 2, axis=0), rows)
-            without[name][unseen] = trees.predict(mixed)
+            other = np.where(mine, np.roll(rows, len(rows) // 2, axis=0), rows)
+            without[name][unseen] = trees.predict(other)
     return whole, without
 
 
@@ -128,6 +137,11 @@ def beside(present: Fit, others: Sequence[Fit]) -> np.ndarray:
     result = np.full(len(error), np.nan)
     result[known] = bounded(error[known]) - columns @ shares
     return result
+
+
+def _clock(scene: Scene) -> np.ndarray:
+    """Time (N,) in s since the first recording began, one after the other."""
+    return np.concatenate([scene.period_s * np.arange(part.start, part.stop) for part in scene.parts])
 
 
 def _seen(scene: Scene, modelled_mps: np.ndarray) -> Mapping[str, list[np.ndarray]]:

@@ -316,11 +316,14 @@ def test_an_effect_that_leaves_more_of_what_could_be_explained_than_it_takes_is_
         final = replace(grade.final, raw=left * grade.base.loss / grade.final.loss * grade.final.raw)
         return selection.Selected((*grade.steps[:-1], replace(last, background=background)), grade.effects, final, ())
 
-    assert untold(selection.Selected(grade.steps, grade.effects, grade.final, ())) < 0.2
-    assert untold(found_so(0.65, 0.1)) > 1.0
-    assert untold(found_so(0.5, 0.1)) < 1.0
-    assert untold(found_so(0.65, 0.4)) < 1.0, "most of that is noise"
-    assert untold(replace(found_so(0.65, 0.1), chosen=())) == pytest.approx(np.sqrt(0.65 / 0.1) / LEAST_UNTOLD)
+    assert untold(selection.Selected(grade.steps, grade.effects, grade.final, ()), 0.0) < 0.2
+    assert untold(found_so(0.65, 0.1), 0.0) > 1.0
+    assert untold(found_so(0.5, 0.1), 0.0) < 1.0
+    assert untold(found_so(0.65, 0.4), 0.0) < 1.0, "most of that is noise"
+    alone = replace(found_so(0.65, 0.1), chosen=())
+    assert untold(alone, 0.0) == pytest.approx(np.sqrt(0.65 / 0.1) / LEAST_UNTOLD)
+    drift = 0.5 * alone.final.loss
+    assert untold(alone, drift) == pytest.approx(np.sqrt(0.5) * untold(alone, 0.0)), "soil that wanders is no effect"
 
 
 @EVERY

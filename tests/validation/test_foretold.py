@@ -26,11 +26,11 @@ BLOCKS = (np.arange(N) * DT_S // BLOCK_S).astype(int)
 SLOPES = np.column_stack([MODELLED, np.ones(N)]) * 0.1
 
 
-def scene(error: np.ndarray) -> Scene:
+def scene(error: np.ndarray, header_mm: np.ndarray = HEADER) -> Scene:
     columns = {
         INPUT: CURRENT,
         OUTPUT: MODELLED + np.nan_to_num(error),
-        "header_height_mm": HEADER,
+        "header_height_mm": header_mm,
         "line_pressure_bar": PRESSURE,
     }
     return Scene([Recording(DT_S * np.arange(N), columns, DT_S, "made")], [*columns])
@@ -41,8 +41,8 @@ def fitted(error: np.ndarray, slopes: np.ndarray = SLOPES) -> Any:
     return SimpleNamespace(error_mps=error, jacobian=slopes, layout=SimpleNamespace(scale=np.ones(slopes.shape[1])))
 
 
-def looked(error: np.ndarray, *others: np.ndarray) -> Any:
-    return foretold(scene(error), fitted(error), [fitted(one) for one in others], BLOCKS)
+def looked(error: np.ndarray, *others: np.ndarray, header_mm: np.ndarray = HEADER) -> Any:
+    return foretold(scene(error, header_mm), fitted(error), [fitted(one) for one in others], BLOCKS)
 
 
 def test_noise_is_not_foretold():
@@ -58,6 +58,18 @@ def test_a_law_that_nobody_named_is_and_its_signal_is_named():
     assert found.share > 0.6
     assert found.signals == ("header_height_mm",)
     assert found.loss == pytest.approx(np.mean(law**2), rel=0.25)
+
+
+def test_what_wanders_as_slowly_as_a_clock_tells_is_none_of_it():
+    """Soil, and a header that is lowered all the time: trees would read the clock off its height."""
+    soil = wander(N, DT_S, 5, 0.05, 40.0)
+    lowered = 600.0 - 0.1 * np.arange(N)
+    found = looked(NOISE + soil, header_mm=lowered)
+    assert found.share < CHANCE
+    assert found.signals == ()
+    assert found.drift == pytest.approx(np.mean(soil**2), rel=0.2)
+    law = 0.05 * np.sign(np.sin(lowered / 15.0)) * np.sign(CURRENT - 600.0)
+    assert looked(NOISE + soil + law, header_mm=lowered).share > CHANCE, "but not what comes and goes with the current"
 
 
 def test_so_is_a_memory_of_the_current():

@@ -57,14 +57,15 @@ def excess(hidden: Foretold, base: Judged, final: Judged) -> float:
 def untold(found: Selected, drift: float) -> float:
     """How much of an error nothing explains or foretells, over what it may be where nothing more is missing.
 
-    Without effects that is its RMS over the noise, but for the `drift` in m2/s2 that a clock foretells, as soil has it;
-    beside effects what they leave of all that could be explained, (L - s^2) / (L_0 - s^2), L loss, s^2 noise: what
-    leaves most of it is not what is missing.
+    Without effects that is its RMS over the noise; beside effects what they leave of all that could be explained,
+    (L - s^2) / (L_0 - s^2), L loss, s^2 noise: what leaves most of it is not what is missing. The `drift` in m2/s2 that
+    a clock foretells counts for none of it: soil has that.
     """
-    loss, noise = found.final.loss, found.steps[-1].background.noise
+    loss, before = (max(one.loss - drift, 0.0) for one in (found.final, found.steps[0].before))
+    noise = found.steps[-1].background.noise
     if not found.chosen:
-        return math.sqrt(max(loss - drift, 0.0) / noise) / LEAST_UNTOLD
-    left = (loss - noise) / max(found.steps[0].before.loss - noise, noise)
+        return math.sqrt(loss / noise) / LEAST_UNTOLD
+    left = (loss - noise) / max(before - noise, noise)
     return min(max(left, 0.0) / MOST_LEFT, loss / noise / ABOVE)
 
 

@@ -222,7 +222,7 @@ def _ranking(console: Console, found: Diagnosis) -> None:
         console,
         f"evidence: beside a little of every other effect; {ENOUGH:g} is enough for a name, {asked(MUCH):g} for one "
         f"that takes {100 * MUCH:.0f} % or more of the squared error, {asked(LEAST_GAIN):g} below {100 * FEW:.0f} % "
-        f"({RESISTS * asked(LEAST_GAIN):g} for a resistance, which soil looks like)",
+        f"({RESISTS * asked(LEAST_GAIN):g} for friction alone, which soil looks like)",
     )
     if found.steps[0].forces is not None:
         _print(console, "t and evidence: as weighed where every force is known")

@@ -99,7 +99,7 @@ def margin_of_the_end(found: Selected) -> float:
 def _over(one: Tried, step: Step) -> float:
     """Evidence by which an effect is more than asked, or what stands for it where it takes nearly all."""
     rest = (share_of_all(one, step) - ALL_OF_IT) / (1.0 - ALL_OF_IT)
-    return max(one.counted - asked(one.gain, one.name), ENOUGH * min(rest, 1.0) if whole(one, step) else 0.0)
+    return max(one.counted - asked(one.gain), ENOUGH * min(rest, 1.0) if whole(one, step) else 0.0)
 
 
 def _short(found: Selected) -> list[float]:

@@ -58,7 +58,7 @@ def exchanged(study: Study, name: str, found: Selected, rng: np.random.Generator
         one.name
         for one in others
         if one.gain >= LEAST_GAIN
-        and one.counted > max(mine.counted - ALIKE, asked(one.gain, one.name))
+        and one.counted > max(mine.counted - ALIKE, asked(one.gain))
         and one.compared.loss < LOOSE * mine.compared.loss
         and sureness(one.compared, mine.compared, rng) < APART
     )
@@ -76,5 +76,5 @@ def _twins(mine: Tried, other: Tried) -> bool:
     return (
         known
         and other.compared.loss < TWIN * mine.compared.loss
-        and other.counted > LIKELY * max(mine.counted, asked(mine.gain, mine.name))
+        and other.counted > LIKELY * max(mine.counted, asked(mine.gain))
     )

@@ -30,6 +30,7 @@ from cruise.validation.tried import (
     counted,
     enough,
     held_out,
+    may_be_soil,
     share_of_all,
     tried_in,
     whole,
@@ -103,9 +104,7 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
             break
         named = [one for one in step.tried if not one.name.startswith(UNNAMED)]
         before = steps[-2].before if chosen else present
-        worthy = [
-            one for one in named if (_further(one, step, before, chosen) if chosen else enough(one) or whole(one, step))
-        ]
+        worthy = [one for one in named if (_further(one, step, before, chosen) if chosen else _first(one, step))]
         if not worthy:
             pair = _pair(study, step, rng, show) if not chosen else None
             if pair is None:
@@ -133,12 +132,16 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
         more = _left_over(chosen, steps[-1], steps[-2].before)
         alone = tried_in(steps[0], more.name) if more is not None else None
         if more is not None and alone is not None and alone.judged.loss < LOOSE * more.judged.loss:
-            curve, margin = alone, more.counted - asked(more.gain, more.name)
+            curve, margin = alone, more.counted - asked(more.gain)
         elif more is not None:
             beside = more.name.removeprefix(UNNAMED)
     if curve is not None:
         return Selected(tuple(steps), (curve.name,), curve.judged, tuple(refused), margin)
     return Selected(tuple(steps), tuple(chosen), present, tuple(refused), beside=beside)
+
+
+def _first(one: Tried, step: Step) -> bool:
+    return (enough(one) or whole(one, step)) and not may_be_soil(one)
 
 
 def _further(one: Tried, step: Step, before: Judged, chosen: Sequence[str]) -> bool:
@@ -155,7 +158,8 @@ def _further(one: Tried, step: Step, before: Judged, chosen: Sequence[str]) -> b
     if one.gain >= least and one.sureness >= SURE and (share >= much or rest):
         return one.counted * one.gain >= evidence
     share_of_it = one.gain if step.forces is None else max(one.gain, gain(step.forces, one.compared))
-    return enough(one) and one.counted >= FURTHER and share_of_it >= LEAST_FURTHER
+    sure = enough(one) or (one.gain >= LEAST_GAIN and one.sureness >= SURE)
+    return sure and one.counted >= FURTHER and share_of_it >= LEAST_FURTHER
 
 
 def least_share(name: str, chosen: Sequence[str]) -> float:

@@ -14,9 +14,8 @@ ENOUGH: Final = 60.0  # evidence from which an effect is more than a little of e
 LEAST_GAIN: Final = 0.15  # of the present loss: errors that fall by less than 8 % are not worth a name
 MUCH: Final = 0.6  # of the present loss: no background takes so much, so that half the evidence is enough,
 FEW: Final = 0.5  # of it: a little of several effects may take less together, so that half as much again is asked
-RESISTANCE: Final = frozenset({"coulomb_friction", "rolling_resistance"})
-"""What soil that nobody recorded looks like; where they take little, less than `ANYHOW` standard errors don't do."""
-RESISTS: Final = 1.5  # times the evidence that is asked of others which take as little
+RESISTANCE: Final = frozenset({"coulomb_friction", "rolling_resistance"})  # what soil looks like that nobody recorded:
+RESISTS: Final = 1.5  # times the evidence, or `ANYHOW`, where such a one takes few and nothing else was found before it
 LEAST_LEFT: Final = 1e-9  # of the loss: what is left of it where there is no noise at all
 SURE: Final = 1.5  # standard errors of a held-out gain; a few blocks may hold all of it,
 RARE: Final = (1.0, 1.25)  # as those of a stop that is seldom reached: fewer, with so many times the evidence
@@ -81,26 +80,26 @@ def counted(one: Tried) -> float:
     return one.counted
 
 
-def asked(gain: float, name: str = "") -> float:
+def asked(gain: float) -> float:
     """The evidence from which what takes away such a share of the loss is more than a little of everything."""
     if gain < FEW:
-        return 1.5 * ENOUGH * (RESISTS if like_soil(gain, name) else 1.0)
+        return 1.5 * ENOUGH
     return ENOUGH if gain < MUCH else 0.5 * ENOUGH
-
-
-def like_soil(gain: float, name: str) -> bool:
-    """Whether soil that nobody recorded, as every field has, may pass for what takes away such a share of the loss."""
-    return name in RESISTANCE and gain < FEW
 
 
 def enough(one: Tried) -> bool:
     """Whether what a candidate explains is worth naming, sure, and more than a little or beyond doubt."""
     rare, times = RARE
-    least = asked(one.gain, one.name)
-    more = one.counted >= least and one.sureness >= SURE
-    more |= one.counted >= times * least and one.sureness >= rare
-    least = BEYOND_DOUBT if one.counted >= SOME and not like_soil(one.gain, one.name) else ANYHOW
+    more = one.counted >= asked(one.gain) and one.sureness >= SURE
+    more |= one.counted >= times * asked(one.gain) and one.sureness >= rare
+    least = BEYOND_DOUBT if one.counted >= SOME else ANYHOW
     return one.gain >= LEAST_GAIN and (more or (one.counted > 0.0 and one.sureness >= least))
+
+
+def may_be_soil(one: Tried) -> bool:
+    """Whether soil that nobody recorded, as every field has, may pass for what a candidate explains."""
+    plain = one.counted >= RESISTS * asked(one.gain) or one.sureness >= ANYHOW
+    return one.name in RESISTANCE and one.gain < FEW and not plain
 
 
 def share_of_all(one: Tried, step: Step) -> float:
@@ -112,7 +111,7 @@ def share_of_all(one: Tried, step: Step) -> float:
 def whole(one: Tried, step: Step) -> bool:
     """Whether nearly all that could be explained is what a candidate explains alone, though evidence may be little."""
     gain, sure = WHOLE
-    much = one.gain >= gain and one.sureness >= sure and one.counted >= SOME and not like_soil(one.gain, one.name)
+    much = one.gain >= gain and one.sureness >= sure and one.counted >= SOME
     return much and share_of_all(one, step) >= ALL_OF_IT
 
 

@@ -521,7 +521,8 @@ def test_every_measured_drive_is_read(dart):
         assert np.isfinite(read.input).all()
         assert np.isfinite(read.output).all()
         assert read.input.min() >= -1e-9
-        assert read.input.max() <= 1.0
+        assert read.input.max() <= 1000.0, "a share of all"
+        assert any("read as a share of all" in note for note in read.notes)
         assert {"current", "voltage", "safety_value", "steering"} <= set(read.columns)
 
 

@@ -17,6 +17,7 @@ from cruise.validation.tried import (
     Step,
     Tried,
     asked,
+    asked_alone,
     share_of_all,
     step_of,
     tried_in,
@@ -107,7 +108,11 @@ def _short(found: Selected) -> list[float]:
     last = found.steps[-1]
     enough, least = (FURTHER, LEAST_FURTHER) if found.chosen else (ENOUGH, LEAST_GAIN)
     rest = [one for one in last.tried if one.name not in found.chosen and not one.name.startswith(UNNAMED)]
-    short = [max(1.0 - one.counted / enough, 1.0 - max(one.gain, 0.0) / least) for one in rest]
+    asks = [FURTHER if found.chosen else asked_alone(one) for one in rest]
+    short = [
+        max(1.0 - one.counted / least_evidence, 1.0 - max(one.gain, 0.0) / least)
+        for one, least_evidence in zip(rest, asks, strict=True)
+    ]
     if found.chosen and not last.taken:
         loss = found.steps[-2].before.loss
         shares = [(last.before.loss - one.judged.loss) / loss / least_share(one.name, found.chosen) for one in rest]

@@ -96,10 +96,18 @@ def enough(one: Tried) -> bool:
     return one.gain >= LEAST_GAIN and (more or (one.counted > 0.0 and one.sureness >= least))
 
 
+def asked_alone(one: Tried) -> float:
+    """The evidence from which a candidate is named where nothing else was found before it."""
+    return asked(one.gain) * (RESISTS if _like_soil(one) else 1.0)
+
+
 def may_be_soil(one: Tried) -> bool:
     """Whether soil that nobody recorded, as every field has, may pass for what a candidate explains."""
-    plain = one.counted >= RESISTS * asked(one.gain) or one.sureness >= ANYHOW
-    return one.name in RESISTANCE and one.gain < FEW and not plain
+    return _like_soil(one) and one.counted < asked_alone(one) and one.sureness < ANYHOW
+
+
+def _like_soil(one: Tried) -> bool:
+    return one.name in RESISTANCE and one.gain < FEW
 
 
 def share_of_all(one: Tried, step: Step) -> float:

@@ -56,12 +56,12 @@ def test_nothing_is_missing_from_a_short_drive_without_an_effect(monkeypatch):
 
 
 def test_the_experiments_that_an_ambiguous_verdict_names_resolve_it():
-    """A speed droop, driven as an operator drives: a stop that is soft leaves no larger an error."""
-    known = [Point(tier="field", effect="speed_droop", seed=2610, size=0.3179, ratio=2.0)]
-    asked = Task(tier="field", kind="single", effects=("speed_droop",), size="medium", seed=2610)
+    """Friction, driven as an operator drives: a resistance that grows with the weight leaves no larger an error."""
+    known = [Point(tier="field", effect="coulomb_friction", seed=2714, size=11263.0, ratio=2.0)]
+    asked = Task(tier="field", kind="single", effects=("coulomb_friction",), size="medium", seed=2714)
     held = run.hold(asked, known)
-    assert (held.line.verdict, set(held.line.effects)) == ("ambiguous", {"speed_droop", "saturation"})
-    assert held.line.resolved == ("speed_droop",)
+    assert (held.line.verdict, set(held.line.effects)) == ("ambiguous", {"coulomb_friction", "rolling_resistance"})
+    assert held.line.resolved == ("coulomb_friction",)
     assert held.line.right
 
 

@@ -1,6 +1,5 @@
 """The diagnosis names what was hidden in a drive, says nothing of nothing, and says the same when it is asked again."""
 
-from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -10,80 +9,27 @@ from cruise.effects import EFFECTS, Stage
 from cruise.effects.dead_zone import DeadZone
 from cruise.identification.structures import parse
 from cruise.report.diagnosis import sentence
-from cruise.validation import selection, tried
 from cruise.validation.candidates import UNNAMED
 from cruise.validation.confidence import (
-    CURVES,
     LEAST_FORETOLD,
-    LEAST_MARGIN,
-    LEAST_UNTOLD,
     answer_of,
     confidence_of,
-    margin_of_the_end,
-    untold,
 )
 from cruise.validation.diagnose import Diagnosis, Verdict, diagnose
 from cruise.validation.foretold import CHANCE
-from cruise.validation.mediator import MEDIATED
-from cruise.validation.search import Judged
-from cruise.validation.study import Study, study
+from cruise.validation.study import study
 from cruise.validation.tried import (
     ALIKE,
-    ANYHOW,
-    BEYOND_DOUBT,
-    FEW,
     LEAST_GAIN,
     LOOSE,
     MUCH,
-    RARE,
-    RESISTANCE,
-    RESISTS,
-    SOME,
-    SURE,
-    WHOLE,
-    Tried,
-    asked,
     enough,
-    may_be_soil,
-    whole,
 )
+from tests.validation.diagnosing import DT_S, HEADER, PERIOD_S, PITCH, SAMPLES, SECONDS, STRUCTURE, begun, found
 from tests.validation.driving import GRAVITY_MPS2, drive, wander
 from tools.trial.run import table_without
 
-SECONDS, DT_S, PERIOD_S = 160.0, 0.1, 0.2
-SAMPLES = round(SECONDS / DT_S)
-STRUCTURE = parse("arx:na=1,nb=3,delay_s=0.4")
-PITCH = wander(SAMPLES, DT_S, 11, 2.5, 5.0)
-HEADER = 300.0 + wander(SAMPLES, DT_S, 12, 60.0, 2.0)
-
-
-def begun(**hidden) -> Study:
-    columns = {"pitch_deg": PITCH, "header_height_mm": HEADER}
-    return study([drive(SECONDS, 4, DT_S, 0.02, columns=columns, **hidden)], STRUCTURE, None, PERIOD_S)
-
-
-def found(**hidden) -> Diagnosis:
-    return diagnose(begun(**hidden))
-
-
-@pytest.fixture(scope="module")
-def nothing() -> Diagnosis:
-    return found()
-
-
-@pytest.fixture(scope="module")
-def grade() -> Diagnosis:
-    return found(load_mps=-0.35 * GRAVITY_MPS2 * np.sin(np.radians(PITCH)))
-
-
-@pytest.fixture(scope="module")
-def dead_zone() -> Diagnosis:
-    return found(command=lambda u: np.maximum(u - 400.0, 0.0))
-
-
-@pytest.fixture(scope="module")
-def unlisted() -> Diagnosis:
-    return found(load_mps=0.3 * np.cos((HEADER - 300.0) / 60.0))
+EVERY = pytest.mark.parametrize("which", ["nothing", "grade", "dead_zone", "unlisted"])
 
 
 def test_where_nothing_is_missing_nothing_is_named(nothing):
@@ -124,51 +70,6 @@ def test_what_depends_on_a_column_that_no_effect_reads_is_unlisted(unlisted):
     assert np.sqrt(unlisted.final.loss) < 0.8 * np.sqrt(unlisted.base.loss)
 
 
-EVERY = pytest.mark.parametrize("which", ["nothing", "grade", "dead_zone", "unlisted"])
-
-
-def test_a_curve_that_leaves_far_less_error_has_the_word_with_as_much_evidence(unlisted):
-    first = replace(unlisted.steps[0], background=copy(unlisted.steps[0].background))
-    curve, rival = first.tried[0], next(one for one in first.tried if not one.name.startswith(UNNAMED))
-    step = replace(first, tried=(curve, replace(rival, evidence=curve.evidence, gain=curve.gain)))
-
-    def word(left: float) -> tuple[Tried | None, float]:
-        return selection._curve(step, curve.evidence, left)
-
-    loss, first.background.noise = curve.judged.loss, 0.8 * curve.judged.loss
-    assert word(2.0 * loss)[0] is curve, "above the noise it leaves a sixth"
-    assert word(4.0 * loss)[1] > word(2.0 * loss)[1] > 0.0, "the farther the surer"
-    assert word(1.5 * loss) == (None, 0.0), "not far above the noise"
-    first.background.noise = 0.99 * loss
-    assert word(1.5 * loss)[0] is curve, "nothing is left above the noise"
-    assert word(1.4 * loss) == (None, 0.0), "and yet it is not much less"
-    fewer = replace(first, tried=(curve, replace(rival, evidence=0.85 * curve.evidence, gain=curve.gain)))
-    assert selection._curve(fewer, 0.85 * curve.evidence, 1.4 * loss)[0] is curve, "but there is clearly more evidence"
-    more = replace(first, tried=(curve, replace(rival, evidence=1.2 * curve.evidence, gain=curve.gain)))
-    assert selection._curve(more, 0.0, 10.0 * loss) == (None, 0.0), "there is more evidence for an effect"
-    assert selection._curve(first, 0.0, 1.25 * loss)[0] is curve, "much more evidence than for all effects"
-    assert selection._curve(first, 0.0, 1.15 * loss) == (None, 0.0), "and yet they leave hardly more"
-    moved = replace(first, tried=(replace(curve, credit=0.9), rival))
-    assert selection._curve(moved, 0.0, 1.01 * loss / MEDIATED)[0] is not None
-    assert selection._curve(moved, 0.0, 0.99 * loss / MEDIATED) == (None, 0.0), "soil that nobody recorded shows there"
-    better = replace(rival, compared=replace(curve.judged, raw=0.99 * curve.judged.raw), sureness=SURE)
-    assert selection._curve(replace(first, tried=(curve, better)), 0.0, 10.0 * loss) == (None, 0.0), "an effect does"
-
-
-def test_a_curve_that_explains_less_needs_evidence_that_no_soil_has(unlisted):
-    least, evidence, sure = selection.PLAINLY_CURVED
-    first = unlisted.steps[0]
-    curve = replace(first.tried[0], gain=1.01 * least, evidence=1.01 * evidence, sureness=1.01 * sure, credit=1.0)
-
-    def word(**less: float) -> Tried | None:
-        return selection._curve(replace(first, tried=(replace(curve, **less),)), 0.0, first.before.loss)[0]
-
-    assert word() is not None
-    for less in ({"gain": 0.99 * least}, {"evidence": 0.99 * evidence}, {"sureness": 0.99 * sure}):
-        assert word(**less) is None
-    assert word(gain=1.01 * selection.LEAST_CURVED, evidence=0.99 * evidence, sureness=0.99 * sure) is not None
-
-
 def test_what_stands_in_for_an_effect_that_nobody_listed_is_seen_by_what_a_curve_takes_beside_it():
     with table_without(["dead_zone"]):
         one = found(command=lambda u: np.maximum(u - 400.0, 0.0))
@@ -183,150 +84,6 @@ def test_what_depends_on_another_signal_beside_an_effect_that_is_needed_does_not
     assert (one.verdict, one.effects, one.signals) == (Verdict.MISSING, ("dead_zone",), ())
     assert one.beside == "header_height_mm"
     assert "most of what is left depends on header_height_mm" in sentence(one)
-
-
-def test_a_curve_beside_what_was_found_must_take_as_much_as_a_further_effect(dead_zone):
-    last, before = dead_zone.steps[-1], dead_zone.steps[-2].before
-    curve = replace(next(one for one in last.tried if one.name.startswith(UNNAMED)), gain=0.3, evidence=100.0)
-
-    def left(share: float) -> Judged:
-        return replace(last.before, raw=last.before.raw + share * before.raw)
-
-    def word(beside: Judged = last.before, chosen: tuple[str, ...] = ("grade",), **how) -> Tried | None:
-        one = replace(curve, **({"judged": left(-0.05), "sureness": 3.0, "credit": 1.0} | how))
-        return selection._left_over(chosen, replace(last, before=beside, tried=(one,)), before)
-
-    assert word() is not None
-    assert word(credit=0.9) is None, "the drive itself moves it"
-    assert word(name=f"{UNNAMED}pitch_deg") is None, "it is the effect's own"
-    for name, own in (("dead_zone", "pump_current_ma"), ("coulomb_friction", "speed_mps")):
-        assert word(chosen=(name,), name=f"{UNNAMED}{own}") is None
-    assert word(evidence=selection.FURTHER - 1.0) is None
-    assert word(gain=0.2) is None
-    assert word(judged=left(-0.03)) is None
-    assert word(left(0.5), judged=left(0.2)) is not None
-    assert word(left(0.5), judged=left(0.3)) is None, "others take as much of it"
-    assert selection._left_over(dead_zone.effects, last, before) is None
-
-
-def test_a_second_effect_of_the_dynamics_must_take_more_than_a_wrong_form_leaves(dead_zone):
-    before = dead_zone.steps[-2].before
-    last = replace(dead_zone.steps[-1], before=replace(before, raw=0.5 * before.raw))
-
-    def further(left: float, *chosen: str) -> bool:
-        one = replace(last.tried[0], name="active_braking", gain=0.4, evidence=500.0, sureness=5.0)
-        return selection._further(
-            replace(one, credit=1.0, judged=replace(before, raw=left * before.raw)), last, before, chosen
-        )
-
-    little, more = (0.5 - share * selection.LEAST_DYNAMIC for share in (0.9, 1.1))
-    assert further(little, "dead_zone")
-    assert not further(little, "dead_zone", "rate_limit")
-    assert further(more, "rate_limit")
-
-
-def test_what_takes_all_that_is_left_above_the_noise_is_a_further_effect_though_its_share_is_small(dead_zone):
-    before, last = (
-        dead_zone.steps[-2].before,
-        replace(dead_zone.steps[-1], background=copy(dead_zone.steps[-1].background)),
-    )
-    present = replace(before, raw=0.12 * before.raw)
-    last.background.noise = 0.04 * before.loss
-
-    def further(left: float, sureness: float) -> bool:
-        one = replace(last.tried[0], name="coulomb_friction", gain=0.5, evidence=50.0, sureness=sureness, credit=1.0)
-        one = replace(one, judged=replace(before, raw=left * before.raw))
-        return selection._further(one, replace(last, before=present), before, ("dead_zone",))
-
-    assert further(0.045, 1.1 * BEYOND_DOUBT), "94 % of what is left above the noise"
-    assert not further(0.045, 0.9 * BEYOND_DOUBT), "not sure beyond doubt"
-    assert not further(0.06, 1.1 * BEYOND_DOUBT), "three quarters may be a wrong form's"
-
-
-def test_what_a_far_larger_effect_hid_is_a_further_one_but_no_dynamics(dead_zone):
-    before, last = (
-        dead_zone.steps[-2].before,
-        replace(dead_zone.steps[-1], background=copy(dead_zone.steps[-1].background)),
-    )
-    last = replace(last, before=replace(before, raw=0.03 * before.raw))
-    last.background.noise = 0.01 * before.loss
-
-    def further(name: str, left: float, gain: float = 0.6) -> bool:
-        one = replace(last.tried[0], name=name, gain=gain, evidence=200.0, sureness=6.0, credit=1.0)
-        one = replace(one, judged=replace(before, raw=left * before.raw))
-        return selection._further(one, last, before, ("dead_zone",))
-
-    assert further("coulomb_friction", 0.0115), "a fiftieth of what the dead zone takes, and all that can be explained"
-    assert not further("coulomb_friction", 0.016), "two thirds of it"
-    assert not further("coulomb_friction", 0.0115, 0.4), "less than half of the loss"
-    assert not further("active_braking", 0.0115), "a core that is not exact leaves as much"
-
-
-def test_a_further_effect_of_the_cores_structure_must_take_more_than_a_rough_core_leaves(dead_zone):
-    before, last = dead_zone.steps[-2].before, dead_zone.steps[-1]
-    present = replace(before, raw=0.2 * before.raw)
-
-    def further(name: str, left: float) -> bool:
-        one = replace(last.tried[0], name=name, gain=0.5, evidence=500.0, sureness=5.0, credit=1.0)
-        one = replace(one, judged=replace(before, raw=left * before.raw))
-        return selection._further(one, replace(last, before=present), before, ("dead_zone",))
-
-    assert further("grade", 0.1)
-    assert not further("resonance", 0.1)
-    assert not further("transport_delay", 0.1)
-    assert further("resonance", 0.04)
-
-
-def test_what_is_far_from_the_share_of_a_further_effect_leaves_no_doubt(dead_zone):
-    last = dead_zone.steps[-1]
-    rest = next(one for one in last.tried if not one.name.startswith(UNNAMED))
-
-    def margin(share: float) -> float:
-        left = replace(last.before, raw=last.before.raw - share * dead_zone.steps[-2].before.raw)
-        much = replace(rest, evidence=500.0, gain=0.3, credit=1.0, judged=left)
-        found = selection.Selected((*dead_zone.steps[:-1], replace(last, tried=(much,))), dead_zone.effects, left, ())
-        return margin_of_the_end(found)
-
-    assert margin(0.5 * selection.LEAST_SHARE) == pytest.approx(0.5 * selection.FURTHER)
-    assert margin(2.0 * selection.LEAST_SHARE) == LEAST_MARGIN
-
-
-def test_a_force_that_is_missing_too_does_not_hide_a_further_effect(grade):
-    """What it takes counts against what is left where every force is known, if that is more."""
-    before, last = grade.steps[-2].before, grade.steps[-1]
-
-    def left(share: float) -> Judged:
-        return replace(before, raw=share * before.raw, white=share * before.white)
-
-    def further(forces: Judged | None, beside: float) -> bool:
-        one = replace(last.tried[0], name="dead_zone", gain=0.2, evidence=500.0, sureness=5.0, credit=1.0)
-        one = replace(one, judged=left(0.4), compared=left(beside))
-        return selection._further(one, replace(last, before=left(0.5), forces=forces), before, ("grade",))
-
-    assert not further(None, 0.4)
-    assert further(left(0.3), 0.1)
-    assert not further(left(0.3), 0.28)
-
-
-def test_an_effect_that_leaves_more_of_what_could_be_explained_than_it_takes_is_not_what_is_missing(grade):
-    last = grade.steps[-1]
-
-    def found_so(left: float, noise: float) -> selection.Selected:
-        """It leaves so much of the first loss, where noise is so much of it."""
-        background = copy(last.background)
-        background.noise = noise * grade.base.loss
-        final = replace(grade.final, raw=left * grade.base.loss / grade.final.loss * grade.final.raw)
-        return selection.Selected((*grade.steps[:-1], replace(last, background=background)), grade.effects, final, ())
-
-    assert untold(selection.Selected(grade.steps, grade.effects, grade.final, ()), 0.0) < 0.2
-    assert untold(found_so(0.65, 0.1), 0.0) > 1.0
-    assert untold(found_so(0.5, 0.1), 0.0) < 1.0
-    assert untold(found_so(0.65, 0.4), 0.0) < 1.0, "most of that is noise"
-    alone = replace(found_so(0.65, 0.1), chosen=())
-    assert untold(alone, 0.0) == pytest.approx(np.sqrt(0.65 / 0.1) / LEAST_UNTOLD)
-    drift = 0.5 * alone.final.loss
-    assert untold(alone, drift) == pytest.approx(np.sqrt(0.5) * untold(alone, 0.0)), "soil that wanders is no effect"
-    assert untold(found_so(0.65, 0.1), 0.4 * grade.base.loss) < 1.0, "and it hides no effect that explains the rest"
 
 
 @EVERY
@@ -434,59 +191,6 @@ def test_two_signals_that_move_as_one_are_not_told_apart():
     assert one.confidence < confidence_of(2.0 * ALIKE, "ambiguous")
 
 
-def test_a_gain_that_is_not_sure_is_not_named(grade, monkeypatch):
-    for name in ("SURE", "BEYOND_DOUBT", "ANYHOW"):
-        monkeypatch.setattr(f"cruise.validation.tried.{name}", 2.0 * max(one.sureness for one in grade.steps[0].tried))
-    monkeypatch.setattr("cruise.validation.tried.RARE", (tried.SURE, RARE[1]))
-    monkeypatch.setattr("cruise.validation.tried.WHOLE", (WHOLE[0], tried.SURE))
-    one = diagnose(grade.study)
-    assert one.untold  # a great error all the same
-    assert one.effects == ()
-    assert one.steps[0].tried[0].gain == grade.steps[0].tried[0].gain > LEAST_GAIN
-
-
-def test_what_few_blocks_hold_needs_more_evidence(grade):
-    one, (rare, times) = replace(grade.steps[0].tried[0], gain=0.4, credit=1.0), RARE
-    assert enough(replace(one, evidence=1.1 * times * asked(0.4), sureness=1.1 * rare))
-    assert not enough(replace(one, evidence=0.9 * times * asked(0.4), sureness=1.1 * rare))
-    assert not enough(replace(one, evidence=1e4, sureness=0.9 * rare))
-
-
-@pytest.mark.parametrize("name", sorted(RESISTANCE))
-def test_what_soil_looks_like_needs_more_of_everything_where_it_takes_little(grade, name):
-    one = replace(grade.steps[0].tried[0], name=name, gain=0.4, credit=1.0, sureness=SURE)
-    asks = RESISTS * asked(0.4)
-    assert may_be_soil(replace(one, evidence=0.9 * asks))
-    assert not may_be_soil(replace(one, evidence=1.1 * asks))
-    assert not may_be_soil(replace(one, evidence=0.9 * asks, sureness=ANYHOW))
-    assert not may_be_soil(replace(one, evidence=0.9 * asks, gain=1.01 * FEW))
-    assert not may_be_soil(replace(one, evidence=0.9 * asks, name="grade"))
-
-
-def test_what_takes_all_that_can_be_explained_is_named_with_little_evidence(grade):
-    step = replace(grade.steps[0], background=copy(grade.steps[0].background))
-    before, (gain, sure) = step.before, WHOLE
-    step.background.noise = 0.5 * before.loss
-    one = replace(step.tried[0], gain=1.1 * gain, credit=1.0, evidence=1.1 * SOME, sureness=1.1 * sure)
-
-    def takes(share: float) -> Tried:
-        return replace(one, judged=replace(before, raw=(1.0 - 0.5 * share) * before.raw))
-
-    assert not enough(takes(0.95))
-    assert whole(takes(0.95), step)
-    assert not whole(takes(0.85), step), "soil that looks like friction takes as much"
-    for less in ({"gain": 0.9 * gain}, {"evidence": 0.9 * SOME}, {"sureness": 0.9 * sure}):
-        assert not whole(replace(takes(0.95), **less), step)
-
-
-def test_little_evidence_needs_more_standard_errors(grade):
-    one = replace(grade.steps[0].tried[0], gain=0.4, credit=1.0)
-    assert enough(replace(one, evidence=SOME, sureness=BEYOND_DOUBT))
-    assert not enough(replace(one, evidence=0.9 * SOME, sureness=BEYOND_DOUBT))
-    assert enough(replace(one, evidence=0.9 * SOME, sureness=ANYHOW))
-    assert not enough(replace(one, evidence=-SOME, sureness=ANYHOW))
-
-
 def test_a_memory_of_the_current_that_no_effect_has_is_unlisted():
     def play(current_ma: np.ndarray) -> np.ndarray:
         result = current_ma.copy()
@@ -508,21 +212,6 @@ def test_a_memory_of_the_current_that_no_effect_has_is_unlisted():
 def test_beside_what_was_found_the_catch_all_finds_little(grade, dead_zone, nothing):
     for one in (grade, dead_zone, nothing):
         assert one.hidden.loss < 0.5 * LEAST_FORETOLD * one.base.loss or one.hidden.share < CHANCE
-
-
-@pytest.mark.parametrize("answer", CURVES)
-def test_confidence_rises_with_the_margin_towards_one(answer):
-    values = [confidence_of(margin, answer) for margin in (-1.0, 0.0, 1.0, 10.0, 60.0, 1e30)]
-    assert values == sorted(values)
-    assert values[0] == values[1] > 0.0
-    assert values[-1] == pytest.approx(1.0, abs=1e-3)
-
-
-def test_several_effects_at_once_are_another_answer_than_one():
-    named = ("grade",), ("dead_zone",), ("wheel_slip",), ("grade", "dead_zone")
-    answers = [answer_of(Verdict.MISSING, names) for names in named]
-    assert answers == ["measured", "inferred", "smooth", "several"]
-    assert {answer_of(verdict, ()) for verdict in set(Verdict) - {Verdict.MISSING}} | set(answers) == set(CURVES)
 
 
 # -- line pressure holds every force

@@ -234,7 +234,7 @@ def test_a_running_service_is_watched_and_let_go(visit):
     page.get_by_text("Watching the virtual combine").wait_for()
     page.get_by_text("engaged", exact=True).wait_for()
     page.locator("td", has_text="a_1").wait_for()
-    page.wait_for_function("document.querySelectorAll('.js-plotly-plot')[1].data[2].y.some(Number.isFinite)")
+    page.wait_for_function("document.querySelectorAll('.js-plotly-plot')[1]?.data?.[2]?.y?.some(Number.isFinite)")
     page.get_by_role("button", name="Stop watching").click()
     page.get_by_text("the virtual combine: ended").wait_for()
     page.get_by_role("button", name="Forget it").click()

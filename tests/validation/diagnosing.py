@@ -1,0 +1,21 @@
+"""Drives with something hidden in them, and what the search begins with and finds there."""
+
+from cruise.identification.structures import parse
+from cruise.validation.diagnose import Diagnosis, diagnose
+from cruise.validation.study import Study, study
+from tests.validation.driving import drive, wander
+
+SECONDS, DT_S, PERIOD_S = 160.0, 0.1, 0.2
+SAMPLES = round(SECONDS / DT_S)
+STRUCTURE = parse("arx:na=1,nb=3,delay_s=0.4")
+PITCH = wander(SAMPLES, DT_S, 11, 2.5, 5.0)
+HEADER = 300.0 + wander(SAMPLES, DT_S, 12, 60.0, 2.0)
+
+
+def begun(**hidden) -> Study:
+    columns = {"pitch_deg": PITCH, "header_height_mm": HEADER}
+    return study([drive(SECONDS, 4, DT_S, 0.02, columns=columns, **hidden)], STRUCTURE, None, PERIOD_S)
+
+
+def found(**hidden) -> Diagnosis:
+    return diagnose(begun(**hidden))

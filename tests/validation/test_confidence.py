@@ -1,0 +1,84 @@
+"""A verdict is as sure as it is far from another one."""
+
+from copy import copy
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cruise.validation import selection
+from cruise.validation.candidates import UNNAMED
+from cruise.validation.confidence import (
+    CURVES,
+    LEAST_MARGIN,
+    LEAST_UNTOLD,
+    answer_of,
+    confidence_of,
+    margin_of_the_end,
+    untold,
+)
+from cruise.validation.diagnose import Verdict
+from cruise.validation.tried import ENOUGH, RESISTS, asked
+
+
+def test_what_is_far_from_the_share_of_a_further_effect_leaves_no_doubt(dead_zone):
+    last = dead_zone.steps[-1]
+    rest = next(one for one in last.tried if not one.name.startswith(UNNAMED))
+
+    def margin(share: float) -> float:
+        left = replace(last.before, raw=last.before.raw - share * dead_zone.steps[-2].before.raw)
+        much = replace(rest, evidence=500.0, gain=0.3, credit=1.0, judged=left)
+        found = selection.Selected((*dead_zone.steps[:-1], replace(last, tried=(much,))), dead_zone.effects, left, ())
+        return margin_of_the_end(found)
+
+    assert margin(0.5 * selection.LEAST_SHARE) == pytest.approx(0.5 * selection.FURTHER)
+    assert margin(2.0 * selection.LEAST_SHARE) == LEAST_MARGIN
+
+
+def test_nothing_is_the_surer_the_further_from_what_is_asked_of_the_first_effect(nothing):
+    (step,) = nothing.steps
+    rest = next(one for one in step.tried if not one.name.startswith(UNNAMED))
+
+    def margin(name: str, evidence: float) -> float:
+        much = replace(rest, name=name, evidence=evidence, gain=0.4, credit=1.0)
+        return margin_of_the_end(selection.Selected((replace(step, tried=(much,)),), (), nothing.base, ()))
+
+    assert margin("grade", 0.5 * asked(0.4)) == pytest.approx(0.5 * ENOUGH)
+    assert margin("grade", 0.99 * asked(0.4)) == LEAST_MARGIN
+    assert margin("coulomb_friction", 0.5 * RESISTS * asked(0.4)) == pytest.approx(0.5 * ENOUGH), "soil is no friction"
+
+
+def test_an_effect_that_leaves_more_of_what_could_be_explained_than_it_takes_is_not_what_is_missing(grade):
+    last = grade.steps[-1]
+
+    def found_so(left: float, noise: float) -> selection.Selected:
+        """It leaves so much of the first loss, where noise is so much of it."""
+        background = copy(last.background)
+        background.noise = noise * grade.base.loss
+        final = replace(grade.final, raw=left * grade.base.loss / grade.final.loss * grade.final.raw)
+        return selection.Selected((*grade.steps[:-1], replace(last, background=background)), grade.effects, final, ())
+
+    assert untold(selection.Selected(grade.steps, grade.effects, grade.final, ()), 0.0) < 0.2
+    assert untold(found_so(0.65, 0.1), 0.0) > 1.0
+    assert untold(found_so(0.5, 0.1), 0.0) < 1.0
+    assert untold(found_so(0.65, 0.4), 0.0) < 1.0, "most of that is noise"
+    alone = replace(found_so(0.65, 0.1), chosen=())
+    assert untold(alone, 0.0) == pytest.approx(np.sqrt(0.65 / 0.1) / LEAST_UNTOLD)
+    drift = 0.5 * alone.final.loss
+    assert untold(alone, drift) == pytest.approx(np.sqrt(0.5) * untold(alone, 0.0)), "soil that wanders is no effect"
+    assert untold(found_so(0.65, 0.1), 0.4 * grade.base.loss) < 1.0, "and it hides no effect that explains the rest"
+
+
+@pytest.mark.parametrize("answer", CURVES)
+def test_confidence_rises_with_the_margin_towards_one(answer):
+    values = [confidence_of(margin, answer) for margin in (-1.0, 0.0, 1.0, 10.0, 60.0, 1e30)]
+    assert values == sorted(values)
+    assert values[0] == values[1] > 0.0
+    assert values[-1] == pytest.approx(1.0, abs=1e-3)
+
+
+def test_several_effects_at_once_are_another_answer_than_one():
+    named = ("grade",), ("dead_zone",), ("wheel_slip",), ("grade", "dead_zone")
+    answers = [answer_of(Verdict.MISSING, names) for names in named]
+    assert answers == ["measured", "inferred", "smooth", "several"]
+    assert {answer_of(verdict, ()) for verdict in set(Verdict) - {Verdict.MISSING}} | set(answers) == set(CURVES)

@@ -34,7 +34,6 @@ MAX_GAP_NOTES: Final = 5
 FULL_MA: Final = 1000.0  # mA, what an input that is a share of all is taken to be of
 SHARES: Final = ((1.5, "a share of all", FULL_MA), (150.0, "per cent", 0.01 * FULL_MA))
 """The largest input that is none in mA, what it is, and mA per unit of it: no pump's servo moves below 150 mA."""
-MOVES_MPS: Final = 0.3  # m/s, from which a machine moves
 
 
 class RecordingError(ValueError):
@@ -154,7 +153,7 @@ def tabulated(
     columns = {name: Readings(time_s, values[keep]) for name, values in raw.items() if name != time}
     signals = _signals(source, columns, current, speed, settings, said, ("rows", "cells hold no number, not measured"))
     if current != INPUT and current not in settings.columns:
-        signals[INPUT] = _in_ma(current, signals[INPUT], signals[OUTPUT], said)
+        signals[INPUT] = _in_ma(current, signals[INPUT], said)
     return _on_grid(time_s, signals, dt_s, source, tuple(said))
 
 
@@ -244,22 +243,18 @@ def _signals(
     return signals
 
 
-def _in_ma(name: str, current: Readings, speed: Readings, notes: list[str]) -> Readings:
-    """Return an input of another name, too small for the current of a machine that moves, as a share of FULL_MA."""
-    most, moved = (_most(one.values) for one in (current, speed))
-    unit, scale = next(((unit, scale) for most_of, unit, scale in SHARES if most <= most_of), ("", 1.0))
-    if not unit or most == 0.0 or not moved > MOVES_MPS:
+def _in_ma(name: str, current: Readings, notes: list[str]) -> Readings:
+    """Return an input of another name, too small for a pump's current, as a share of FULL_MA."""
+    known = np.abs(current.values[~np.isnan(current.values)])
+    most = float(np.percentile(known, 99)) if len(known) else 0.0
+    unit, scale = next(((unit, scale) for most_of, unit, scale in SHARES if 0.0 < most <= most_of), ("", 1.0))
+    if not unit:
         return current
     notes.append(
         f"{name}: {most:.3g} at most, no current in mA moves a machine; read as {unit}, all of it as {FULL_MA:g} mA; "
         f"columns: {{{name}: {{scale: 1}}}} in the file of --columns takes it as it is"
     )
     return Readings(current.time_s, scale * current.values)
-
-
-def _most(values: FloatArray) -> float:
-    known = np.abs(values[~np.isnan(values)])
-    return float(np.percentile(known, 99)) if len(known) else 0.0
 
 
 def resample(recording: Recording, dt_s: float) -> Recording:

@@ -56,12 +56,12 @@ def test_nothing_is_missing_from_a_short_drive_without_an_effect(monkeypatch):
 
 
 def test_the_experiments_that_an_ambiguous_verdict_names_resolve_it():
-    """Friction, driven as an operator drives: a resistance that grows with the weight leaves no larger an error."""
-    known = [Point(tier="field", effect="coulomb_friction", seed=2714, size=11263.0, ratio=2.0)]
-    asked = Task(tier="field", kind="single", effects=("coulomb_friction",), size="medium", seed=2714)
+    """A speed droop, driven as an operator drives: a curve of the current leaves no larger an error."""
+    known = [Point(tier="field", effect="speed_droop", seed=2710, size=0.3666, ratio=2.0)]
+    asked = Task(tier="field", kind="single", effects=("speed_droop",), size="medium", seed=2710)
     held = run.hold(asked, known)
-    assert (held.line.verdict, set(held.line.effects)) == ("ambiguous", {"coulomb_friction", "rolling_resistance"})
-    assert held.line.resolved == ("coulomb_friction",)
+    assert (held.line.verdict, set(held.line.effects)) == ("ambiguous", {"speed_droop", "quadratic_gain"})
+    assert held.line.resolved == ("speed_droop",)
     assert held.line.right
 
 

@@ -26,7 +26,7 @@ from cruise.validation.tried import (
 
 LEAST_FORETOLD: Final = 0.15  # of the first loss, that the catch-all must foretell for something to be missing,
 LEAST_BESIDE: Final = 0.25  # and of what the named effects explain, for them to be no more than substitutes
-LEAST_UNTOLD: Final = 4.5  # RMS of the error over the noise, from which no soil explains it where nothing foretells it
+LEAST_UNTOLD: Final = 5.0  # RMS of the error over the noise, from which no soil explains it where nothing foretells it
 MOST_LEFT: Final = 0.6  # of what could be explained: with less, it may be the wrong form of what was found,
 ABOVE: Final = 4.0  # loss over the noise, likewise
 CURVES: Final[Mapping[str, tuple[float, float]]] = {
@@ -59,13 +59,13 @@ def untold(found: Selected, drift: float) -> float:
     """How much of an error nothing explains or foretells, over what it may be where nothing more is missing.
 
     Without effects that is its RMS over the noise; beside effects what they leave of all that could be explained,
-    (L - s^2) / (L_0 - s^2), L loss, s^2 noise: what leaves most of it is not what is missing. The `drift` in m2/s2 that
-    a clock foretells counts for none of it: soil has that.
+    (L - s^2) / (L_0 - s^2), L loss, s^2 noise: what leaves most of it is not what is missing. Of that the `drift` in
+    m2/s2 that a clock foretells is taken away first: soil has that, and hides no effect that explains the rest.
     """
-    loss, before = (max(one.loss - drift, 0.0) for one in (found.final, found.steps[0].before))
     noise = found.steps[-1].background.noise
     if not found.chosen:
-        return math.sqrt(loss / noise) / LEAST_UNTOLD
+        return math.sqrt(found.final.loss / noise) / LEAST_UNTOLD
+    loss, before = (max(one.loss - drift, 0.0) for one in (found.final, found.steps[0].before))
     left = (loss - noise) / max(before - noise, noise)
     return min(max(left, 0.0) / MOST_LEFT, loss / noise / ABOVE)
 

@@ -12,7 +12,7 @@ from cruise.report.evidence import SURE, Number
 from cruise.validation.candidates import MEDIATORS, UNNAMED
 from cruise.validation.diagnose import SEED, Diagnosis, Verdict
 from cruise.validation.search import Judged, sureness
-from cruise.validation.tried import LEAST_GAIN, Tried, step_of, tried_in
+from cruise.validation.tried import LEAST_GAIN, LOOSE, Tried, step_of, tried_in
 
 DISCOUNTED: Final = "for its signal answers to the drive itself, or the line pressure speaks against it"
 """Why not all of an effect's evidence counts."""
@@ -134,7 +134,20 @@ def forces(found: Diagnosis) -> list[str]:
             )
         elif step.unrecorded and found.effects:
             told.append(f"What is left beside {_all(found.effects)} shows in {shown}: a force that nobody recorded.")
-    return told
+    return told + _instead(found)
+
+
+def _instead(found: Diagnosis) -> list[str]:
+    """The effect through whose signal every force acts, where it alone leaves hardly more than what was named."""
+    alone = [one for one in found.steps[0].tried if one.name in MEDIATORS and one.name not in found.effects]
+    return [
+        f"`{one.name}` alone leaves {_error(one.judged)} m/s, {_all(found.effects)} {_error(found.final)}: it stands "
+        f"for every force that the drive feels, so that these recordings can't say whether "
+        f"{'that force slows' if len(found.effects) == 1 else 'those forces slow'} the machine through it. To tell: "
+        f"{EFFECTS[one.name].about.experiment}."
+        for one in alone
+        if found.effects and one.judged.loss < LOOSE * found.final.loss
+    ]
 
 
 def _step_of(found: Diagnosis, name: str) -> dict[str, Tried]:
@@ -160,9 +173,9 @@ def _against(found: Diagnosis, tried: dict[str, Tried], other: str, alike: bool)
         return f"can't be told apart, {errors}"
     apart = sureness(its.compared, mine.compared, np.random.default_rng(SEED))
     moved = f"; it counts for {100 * its.credit:.0f} %, {DISCOUNTED}" if its.credit < 1.0 else ""
-    if apart < SURE:
+    if abs(apart) < SURE:
         return f"leaves {errors}, too close for the errors to decide ({apart:+.1f} standard errors){moved}"
-    return f"leaves {errors}, {apart:.1f} standard errors apart{moved}"
+    return f"leaves {errors}, {abs(apart):.1f} standard errors {'more' if apart > 0.0 else 'less'}{moved}"
 
 
 def _error(judged: Judged) -> str:

@@ -258,6 +258,29 @@ def test_a_rival_as_good_is_not_called_beaten(hills, capsys):
     assert "too close for the errors to decide (+0.0 standard errors)" in out
 
 
+def test_a_rival_that_errs_less_is_said_to(hills, capsys):
+    first = hills.steps[0]
+    grade, rival = [one for one in first.tried if not one.name.startswith("unnamed:")][:2]
+    assert f"`grade` or `{rival.name}`: leaves" in said(capsys, hills)
+    assert "standard errors more" in said(capsys, hills)
+    better = replace(grade.compared, raw=0.5 * grade.compared.raw, white=0.5 * grade.compared.white)
+    tried = tuple(replace(one, compared=better) if one is rival else one for one in first.tried)
+    assert "standard errors less" in said(capsys, replace(hills, steps=(replace(first, tried=tried), *hills.steps[1:])))
+
+
+def test_an_effect_that_stands_for_every_force_is_mentioned_where_it_does_as_well_alone(hills, capsys):
+    first = hills.steps[0]
+
+    def with_pressure(judged):
+        tried = (*first.tried, replace(first.tried[0], name="leakage", judged=judged))
+        return said(capsys, replace(hills, steps=(replace(first, tried=tried), *hills.steps[1:])))
+
+    assert "so that these recordings can't say whether that force slows the machine through it" in with_pressure(
+        hills.final
+    )
+    assert "through it. To tell" not in with_pressure(hills.base)
+
+
 def test_what_does_not_count_in_full_is_said_to(hills, capsys):
     first = hills.steps[0]
     rival = [one for one in first.tried if not one.name.startswith("unnamed:")][1]

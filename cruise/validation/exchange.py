@@ -1,6 +1,6 @@
 """Each chosen effect is exchanged for every other one: those that do as well can't be told apart on the recordings."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -52,8 +52,9 @@ def exchanged(study: Study, name: str, found: Selected, rng: np.random.Generator
         possible, _ = candidates(study.recordings, rest)
         rivals = [one for one in possible if one.name in (name, *best, *MEDIATORS)]
         tried = tried_beside(study, before, rivals, [one for one in found.chosen if one != name], rng, show).tried
-    mine = next(one for one in tried if one.name == name)
-    others = [one for one in tried if one is not mine and not one.name.startswith(UNNAMED)]
+    chosen = next(one for one in tried if one.name == name)
+    mine = replace(chosen, credit=1.0) if name in MEDIATORS else chosen  # what stands behind it has been weighed
+    others = [one for one in tried if one is not chosen and not one.name.startswith(UNNAMED)]
     alike = tuple(
         one.name
         for one in others

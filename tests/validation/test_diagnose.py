@@ -217,8 +217,12 @@ def test_beside_what_was_found_the_catch_all_finds_little(grade, dead_zone, noth
 # -- line pressure holds every force
 
 
-def pressed(pressure_bar: np.ndarray, load_mps: np.ndarray, **hidden) -> Diagnosis:
+MASS_KG = 15000.0 + wander(SAMPLES, DT_S, 14, 2500.0, 6.0)
+
+
+def pressed(pressure_bar: np.ndarray, load_mps: np.ndarray, mass_kg: np.ndarray | None = None, **hidden) -> Diagnosis:
     columns = {"pitch_deg": PITCH, "header_height_mm": HEADER, "line_pressure_bar": pressure_bar}
+    columns |= {} if mass_kg is None else {"machine_mass_kg": mass_kg}
     one = drive(SECONDS, 4, DT_S, 0.02, columns=columns, load_mps=load_mps, **hidden)
     return diagnose(study([one], STRUCTURE, None, PERIOD_S))
 
@@ -282,6 +286,16 @@ def test_what_the_pressure_costs_whoever_moves_it_is_leakage():
     one = pressed(pressure_bar, -0.004 * (pressure_bar - 120.0))
     assert not one.unrecorded
     assert (one.verdict, one.effects) == (Verdict.MISSING, ("leakage",))
+
+
+def test_leakage_is_one_cause_where_two_forces_would_act_in_just_the_proportion_that_the_pressure_shows():
+    slope, weight = np.sin(np.radians(PITCH)), (MASS_KG - MASS_KG.mean()) / 15000.0
+    in_proportion = 120.0 + 800.0 * slope + 150.0 * weight
+    one = pressed(in_proportion, -0.002 * (in_proportion - 120.0), MASS_KG)
+    assert (one.verdict, one.effects) == (Verdict.MISSING, ("leakage",))
+    assert any(step.taken == "leakage" and step.mediated > 0.0 for step in one.steps)
+    two = pressed(120.0 + 800.0 * slope + 15.0 * weight, -0.002 * (in_proportion - 120.0), MASS_KG)
+    assert (two.verdict, set(two.effects)) == (Verdict.MISSING, {"grade", "rolling_resistance"})
 
 
 def test_one_recorded_signal_that_foretells_the_pressures_force_is_what_nobody_lists():

@@ -13,16 +13,16 @@ this holds, and nothing is lost: there every force is still needed beside it.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum, auto
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from cruise.effects import EFFECTS, Stage
-from cruise.validation.candidates import UNNAMED
+from cruise.validation.candidates import MEDIATORS, UNNAMED, EffectCandidate, without
 from cruise.validation.foretold import share_told
-from cruise.validation.search import Judged
+from cruise.validation.search import Judged, Search
 from cruise.validation.study import Study
-from cruise.validation.tried import LEAST_GAIN, LOOSE, SURE, Tried
+from cruise.validation.tried import LEAST_GAIN, LOOSE, SURE, Step, Tried, counted, enough
 
 SHOWN: Final = 0.05  # of the present loss: with less in its signal, it says nothing of the others
 NEEDED: Final = 40.0  # evidence beside it from which something is needed whatever the forces are,
@@ -36,6 +36,7 @@ BEYOND: Final = 0.04  # of the present loss, that it must take away beyond the b
 TOLD_BESIDE: Final = 0.7  # of what it takes away beyond that foretold by what is recorded, it is a cause itself
 DIRECT: Final = 0.5  # of what it takes away: with more that a direct cause takes away in its place, it is none,
 NAMELESS: Final = 0.8  # or a curve without physics, where nothing else has been found
+FORCES: Final = 2  # that such an effect may stand for, where it errs hardly more than all of them
 TOLD: Final = 0.35  # of what it takes away: with less that is foretold, a force that nobody recorded acts there
 
 
@@ -75,6 +76,37 @@ def behind(study: Study, present: Judged, mediator: Judged, direct: Judged, firs
     return (Through.ITSELF if told(present.fit.error_mps) >= TOLD else Through.UNRECORDED), margin
 
 
+class Back(NamedTuple):
+    """The step to which the search goes back, with what is taken there instead."""
+
+    place: int
+    step: Step
+    judged: Judged
+
+
+def one_for_all(search: Search, steps: Sequence[Step], chosen: Sequence[str], present: Judged) -> Back | None:
+    """The effect through whose signal every force acts, in the place of several forces, where it errs hardly more.
+
+    One cause is likelier than two or three that happen to act in just the proportion in which they show there.
+    """
+    forces = [name for name in chosen if EFFECTS[name].stage is Stage.LOAD]
+    place = next((i for i, one in enumerate(steps) if one.taken in forces), 0)
+    mediator = next((one for one in steps[place].tried if one.name in MEDIATORS), None)
+    if len(forces) < FORCES or mediator is None or mediator.name in chosen:
+        return None
+    explanation = present.explanation
+    for name in forces:
+        explanation = without(explanation, name)
+    alone = search.judged(mediator.name, search.grown(explanation, EffectCandidate(mediator.name)))
+    taken = replace(mediator, credit=1.0)
+    if alone.loss >= LOOSE * present.loss or not enough(taken):
+        return None
+    tried = sorted((taken if one is mediator else one for one in steps[place].tried), key=counted, reverse=True)
+    margin = 1.0 - alone.loss / (LOOSE * present.loss)
+    step = replace(steps[place], tried=tuple(tried), taken=mediator.name, mediated=margin)
+    return Back(place, step, mediator.judged)
+
+
 @dataclass(frozen=True, eq=False)
 class Said:
     """What the mediator's signal says of all that was tried beside the same explanation."""
@@ -97,9 +129,9 @@ def may_be_needed(alone: Tried) -> bool:
 
 def needed(present: Judged, mediator: Judged, alone: Tried, beside: Tried) -> bool:
     """Whether a candidate that is no force is needed whatever the forces are; tried alone and beside the mediator."""
-    enough = beside.counted >= NEEDED and beside.gain >= LEAST_GAIN and beside.sureness >= SURE
+    weighty = beside.counted >= NEEDED and beside.gain >= LEAST_GAIN and beside.sureness >= SURE
     brings = mediator.loss - beside.judged.loss
-    return may_be_needed(alone) and enough and brings >= NEEDED_SHARE * present.loss
+    return may_be_needed(alone) and weighty and brings >= NEEDED_SHARE * present.loss
 
 
 def refuted(mediator: Judged, alone: Sequence[Tried]) -> tuple[str, ...]:

@@ -2,16 +2,16 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
 from cruise.effects import EFFECTS, Stage
 from cruise.signals import INPUT, OUTPUT
 from cruise.validation.background import DYNAMICS, STRUCTURAL
-from cruise.validation.candidates import MEDIATORS, UNNAMED, EffectCandidate, Refused, candidates, unnamed, without
-from cruise.validation.mediator import MEDIATED
-from cruise.validation.search import Judged, Search, gain, sureness
+from cruise.validation.candidates import MEDIATORS, UNNAMED, Refused, candidates, unnamed, without
+from cruise.validation.mediator import MEDIATED, one_for_all
+from cruise.validation.search import Judged, gain, sureness
 from cruise.validation.study import Study
 from cruise.validation.tried import (
     ALL_OF_IT,
@@ -55,7 +55,6 @@ CLEARLY: Final = 0.6  # of what the best effect leaves where every force is know
 SAME_SIGNAL: Final = 0.85  # of what a curve takes away: an effect of the same signal that takes as much is the curve
 MOST_OF_IT: Final = 0.5  # of what effects leave above the noise, that a curve must take to show them as substitutes
 SUPERFLUOUS: Final = 0.5  # of ENOUGH: what an effect must still bring beside the others
-FORCES: Final = 2  # forces that one effect may stand for, through whose signal all act
 HOPEFUL: Final = (10.0, 2)  # evidence from which an effect that is not enough may be one of two, and how many may
 MOST_EFFECTS: Final = 4
 MOST_STEPS: Final = 8  # two effects that drop each other would go on for ever
@@ -124,7 +123,7 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
             if together(steps[0], present, chosen) - together(steps[0], other, held) < SUPERFLUOUS * ENOUGH:
                 chosen.remove(name)
                 present = other
-        back = _one_for_all(search, steps, chosen, present)
+        back = one_for_all(search, steps, chosen, present)
         if back is not None:
             steps = [*steps[: back.place], back.step]
             chosen = [*(one.taken for one in steps[:-1] if one.taken in chosen), back.step.taken]
@@ -144,37 +143,6 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
     if curve is not None:
         return Selected(tuple(steps), (curve.name,), curve.judged, tuple(refused), margin)
     return Selected(tuple(steps), tuple(chosen), present, tuple(refused), beside=beside)
-
-
-class _Back(NamedTuple):
-    """The step to which the search goes back, with what is taken there instead."""
-
-    place: int
-    step: Step
-    judged: Judged
-
-
-def _one_for_all(search: Search, steps: Sequence[Step], chosen: Sequence[str], present: Judged) -> _Back | None:
-    """The effect through whose signal every force acts, in the place of several forces, where it errs hardly more.
-
-    One cause is likelier than two or three that happen to act in just the proportion in which they show there.
-    """
-    forces = [name for name in chosen if EFFECTS[name].stage is Stage.LOAD]
-    place = next((i for i, one in enumerate(steps) if one.taken in forces), 0)
-    mediator = next((one for one in steps[place].tried if one.name in MEDIATORS), None)
-    if len(forces) < FORCES or mediator is None:
-        return None
-    explanation = present.explanation
-    for name in forces:
-        explanation = without(explanation, name)
-    alone = search.judged(mediator.name, search.grown(explanation, EffectCandidate(mediator.name)))
-    taken = replace(mediator, credit=1.0)
-    if alone.loss >= LOOSE * present.loss or not enough(taken):
-        return None
-    tried = sorted((taken if one is mediator else one for one in steps[place].tried), key=counted, reverse=True)
-    margin = 1.0 - alone.loss / (LOOSE * present.loss)
-    step = replace(steps[place], tried=tuple(tried), taken=mediator.name, mediated=margin)
-    return _Back(place, step, mediator.judged)
 
 
 def _first(one: Tried, step: Step) -> bool:

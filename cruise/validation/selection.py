@@ -215,7 +215,7 @@ def _curve(first: Step, chosen: float, left: float) -> tuple[Tried | None, float
     curves = [one for one in first.tried if one.name.startswith(UNNAMED)]
     named = [one for one in first.tried if not one.name.startswith(UNNAMED)]
     best = max((one for one in curves if _curves(one)), key=counted, default=None)
-    if best is None or not enough(best):
+    if best is None or not enough(best) or best.judged.loss >= left:
         return None, 0.0
     direct = [one.compared.loss for one in named if one.name not in MEDIATORS and one.sureness >= SURE]
     most = CLEARLY if first.forces is not None else 1.0 / LOOSE if best.credit == 1.0 else MEDIATED

@@ -133,7 +133,8 @@ def _said(
             return Said(mediator.name, Through.RECORDED, 0.0, step.before, beside, ())
     no_forces = refuted(mediator.judged, alone) if mediator.gain >= SHOWN else ()
     through = {*MEDIATORS, *(f"{UNNAMED}{signal}" for signal in EFFECTS[mediator.name].needs)}
-    direct = [one.judged for one in alone if one.name not in {*no_forces, *through}]
+    moved = {one.name for one in alone if one.name.startswith(UNNAMED) and one.credit < 1.0}  # by the drive itself
+    direct = [one.judged for one in alone if one.name not in {*no_forces, *through, *moved}]
     best = min([present, *direct], key=lambda one: one.loss)
     through_it, margin = behind(study, present, mediator.judged, best, not chosen)
     return Said(mediator.name, through_it, margin, None, {}, no_forces)

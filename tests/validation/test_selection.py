@@ -57,6 +57,15 @@ def test_a_curve_that_leaves_far_less_error_has_the_word_with_as_much_evidence(u
     assert selection._curve(replace(first, tried=(curve, better)), 0.0, 10.0 * loss) == (None, 0.0), "an effect does"
 
 
+def test_a_curve_that_leaves_more_than_the_effects_together_has_no_word_where_every_force_is_known(unlisted):
+    first = unlisted.steps[0]
+    curve = first.tried[0]
+    rival = next(one for one in first.tried if not one.name.startswith(UNNAMED))
+    seeing = replace(first, forces=first.before, tried=(curve, replace(rival, compared=first.before, sureness=SURE)))
+    assert selection._curve(seeing, 0.0, 1.01 * curve.judged.loss)[0] is curve
+    assert selection._curve(seeing, 0.0, 0.99 * curve.judged.loss) == (None, 0.0)
+
+
 def test_a_curve_that_explains_less_needs_evidence_that_no_soil_has(unlisted):
     least, evidence, sure = selection.PLAINLY_CURVED
     first = unlisted.steps[0]

@@ -170,7 +170,8 @@ class Engagement:
 
     def _conditions(self, now: Situation, last: Situation | None) -> dict[str, bool]:
         settings, experiment = self.settings, self.experiment
-        edge = last is not None and ((now.set and not last.set) or (now.resume and not last.resume))
+        before = last if last is not None and last.operator_present else None  # a lost panel's button may be held
+        edge = before is not None and ((now.set and not before.set) or (now.resume and not before.resume))
         pressed = edge and self.state is State.STANDBY
         asked = now.requested_experiment != 0
         target_mps = self.setpoint_mps

@@ -208,6 +208,14 @@ def test_every_way_out_of_driving_has_a_reason_and_no_other_way_out_pretends_one
             assert row.reason is ExitReason.NONE
 
 
+def test_a_button_held_while_the_panel_was_lost_does_not_engage_again():
+    engagement, held = engaging(), replace(READY, resume=True)
+    assert engagement.step(replace(READY, operator_present=False)) is State.STANDBY
+    assert [engagement.step(held) for _ in range(3)] == [State.STANDBY] * 3
+    assert engagement.step(READY) is State.STANDBY
+    assert engagement.step(held) is State.ENGAGING, "a press that was seen to begin"
+
+
 def test_a_button_held_from_the_start_does_not_engage():
     engagement = Engagement(EngagementSettings())
     for _ in range(10):

@@ -41,7 +41,13 @@ def drive(seed: int, seconds: float = DRIVE_S) -> Clean:
 def figures(drives: list[Clean], target_hours: float = HOURS) -> list[Figure]:
     """What is claimed of them."""
     return [
-        Figure("clean_hours", sum(one.hours for one in drives), "h", "driven without faults", at_least=target_hours),
+        Figure(
+            "clean_hours",
+            round(sum(one.hours for one in drives), 6),
+            "h",
+            "driven without faults",
+            at_least=target_hours,
+        ),
         Figure("false_exits", sum(bool(one.how) for one in drives), "1", "exits or refusals without a fault", 0.0),
         Figure("clean_overspeed_mps", max(one.overspeed_mps for one in drives), "m/s", "overspeed without faults"),
         Figure("clean_accel_mps2", max(one.accel_mps2 for one in drives), "m/s2", "acceleration without faults"),

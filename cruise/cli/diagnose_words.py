@@ -25,6 +25,7 @@ from cruise.report.diagnosis import (
     figure,
     forces,
     hidden,
+    late,
     look_alikes,
     sentence,
     span,
@@ -92,6 +93,8 @@ def say(
             f"{figure(own.refitted_mps)}: its parameters are wrong here, no effect is missing",
             0,
         )
+    if late(found):
+        _print(console, late(found), 0)
     _print(console, f"{count_of(len(study.recordings), 'recording')}, {samples} samples of {study.period_s:g} s", 0)
     _print(console, f"noise floor {study.horizon_s:g} s ahead: {floor_in_words(floor)}", 0)
     notes = notes_of(study.recordings)

@@ -201,6 +201,17 @@ def _all(names: Sequence[str], word: str = "and") -> str:
     return f" {word} ".join([", ".join(quoted[:-1]), quoted[-1]]) if len(quoted) > 1 else "".join(quoted)
 
 
+def late(found: Diagnosis) -> str:
+    """What to do where the dead time is so much longer than the model's that its taps have to hold it; else empty."""
+    found_s, given_s, period_s = found.final.explanation.core.delay_s, found.study.delay_s, found.study.period_s
+    if "transport_delay" in found.effects or found_s < given_s + period_s:
+        return ""
+    return (
+        f"the dead time is {found_s:.2f} s, and the model's is {given_s:g} s: its taps can hold the rest, but with "
+        f"delay_s={given_s + period_s * math.floor((found_s - given_s) / period_s + 1e-6):.3g} it errs less"
+    )
+
+
 def hidden(found: Diagnosis) -> list[str]:
     """What could be there without having been named, and how large the best candidates are at their best fit."""
     share, before = hidden_share(found), evidence.error_mps(found.base)

@@ -55,6 +55,7 @@ def report(found: Diagnosis, model: str, structure: str) -> dict[str, Any]:
             for name in evidence.members(final.explanation)
             if name not in evidence.members(base.explanation) and not name.startswith(UNNAMED)
         },
+        "dead_time_s": {"model": found.study.delay_s, "found": _number(final.explanation.core.delay_s)},
         "moved": [
             {
                 "of": one.before.owner,

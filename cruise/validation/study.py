@@ -35,6 +35,7 @@ class Study:
     search: Search
     base: Judged
     horizon_s: float
+    delay_s: float  # of the model that was given
 
     @property
     def period_s(self) -> float:
@@ -87,7 +88,7 @@ def study(
     for effect in effects:
         show(f"fitting with {effect.name}")
         found = search.grown(found.explanation, EffectCandidate(effect.name, given=effect if file else None))
-    return Study(tuple(prepared), search, search.served(search.judged("", found)), horizon_s)
+    return Study(tuple(prepared), search, search.served(search.judged("", found)), horizon_s, structure.delay_s)
 
 
 def candidate(name: str, recordings: Sequence[Recording]) -> Candidate:

@@ -258,6 +258,20 @@ def test_a_rival_as_good_is_not_called_beaten(hills, capsys):
     assert "too close for the errors to decide (+0.0 standard errors)" in out
 
 
+def test_a_dead_time_that_only_the_models_taps_can_hold_is_said(flat, capsys):
+    core = flat.final.explanation.core
+    assert flat.study.delay_s == 0.5
+    assert core.delay_s < 0.7
+    assert "the dead time is" not in said(capsys, flat)
+    short = replace(flat, study=replace(flat.study, delay_s=core.delay_s - 0.25))
+    assert f"the dead time is {core.delay_s:.2f} s, and the model's is" in said(capsys, short)
+    assert f"with delay_s={core.delay_s - 0.05:.3g} it errs less" in said(capsys, short)
+    assert report(short, MODEL, MODEL)["dead_time_s"] == {
+        "model": core.delay_s - 0.25,
+        "found": pytest.approx(core.delay_s, rel=1e-3),
+    }
+
+
 def test_a_rival_that_errs_less_is_said_to(hills, capsys):
     first = hills.steps[0]
     grade, rival = [one for one in first.tried if not one.name.startswith("unnamed:")][:2]

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from cruise.effects import EFFECTS
+from cruise.effects import EFFECTS, Stage
 from cruise.report import evidence
 from cruise.report.evidence import SURE, Number
 from cruise.validation.candidates import MEDIATORS, UNNAMED
@@ -138,7 +138,9 @@ def forces(found: Diagnosis) -> list[str]:
 
 
 def _instead(found: Diagnosis) -> list[str]:
-    """The effect through whose signal every force acts, where it alone leaves hardly more than what was named."""
+    """The effect through whose signal every force acts, where it alone leaves hardly more than the forces named."""
+    if not found.effects or any(EFFECTS[name].stage is not Stage.LOAD for name in found.effects):
+        return []
     alone = [one for one in found.steps[0].tried if one.name in MEDIATORS and one.name not in found.effects]
     return [
         f"`{one.name}` alone leaves {_error(one.judged)} m/s, {_all(found.effects)} {_error(found.final)}: it stands "
@@ -146,7 +148,7 @@ def _instead(found: Diagnosis) -> list[str]:
         f"{'that force slows' if len(found.effects) == 1 else 'those forces slow'} the machine through it. To tell: "
         f"{EFFECTS[one.name].about.experiment}."
         for one in alone
-        if found.effects and one.judged.loss < LOOSE * found.final.loss
+        if one.judged.loss < LOOSE * found.final.loss
     ]
 
 

@@ -209,8 +209,8 @@ def late(found: Diagnosis) -> str:
     if "transport_delay" in found.effects or found_s < given_s + period_s:
         return ""
     return (
-        f"the dead time is {found_s:.2f} s, and the model's is {given_s:g} s: its taps can hold the rest, but with "
-        f"delay_s={given_s + period_s * math.floor((found_s - given_s) / period_s + 1e-6):.3g} it errs less"
+        f"the dead time is {found_s:.2f} s, and the model's is {given_s:g} s: its taps can hold the rest; compare "
+        f"says whether delay_s={given_s + period_s * math.floor((found_s - given_s) / period_s + 1e-6):.3g} errs less"
     )
 
 

@@ -15,7 +15,6 @@ from cruise.identification.structures import parse
 from cruise.recording import Recording
 from cruise.report import diagnosis, diagnosis_picture, evidence
 from cruise.report.curve import curve
-from cruise.report.diagnosis import forces
 from cruise.report.diagnosis_figures import report
 from cruise.report.evidence import Number
 from cruise.signals import INPUT, OUTPUT
@@ -266,7 +265,7 @@ def test_a_dead_time_that_only_the_models_taps_can_hold_is_said(flat, capsys):
     assert "the dead time is" not in said(capsys, flat)
     short = replace(flat, study=replace(flat.study, delay_s=core.delay_s - 0.25))
     assert f"the dead time is {core.delay_s:.2f} s, and the model's is" in said(capsys, short)
-    assert f"with delay_s={core.delay_s - 0.05:.3g} it errs less" in said(capsys, short)
+    assert f"compare says whether delay_s={core.delay_s - 0.05:.3g} errs less" in said(capsys, short)
     assert report(short, MODEL, MODEL)["dead_time_s"] == {
         "model": core.delay_s - 0.25,
         "found": pytest.approx(core.delay_s, rel=1e-3),
@@ -294,7 +293,7 @@ def test_an_effect_that_stands_for_every_force_is_mentioned_where_it_does_as_wel
     assert "can't say whether that force slows the machine through it" in said(capsys, as_well)
     assert "through it. To tell" not in said(capsys, with_pressure(hills.base))
     no_force = next(name for name, kind in EFFECTS.items() if kind.stage is not Stage.LOAD)
-    assert not any("through it. To tell" in one for one in forces(replace(as_well, effects=(no_force,))))
+    assert not any("through it. To tell" in one for one in diagnosis.forces(replace(as_well, effects=(no_force,))))
 
 
 def test_what_does_not_count_in_full_is_said_to(hills, capsys):

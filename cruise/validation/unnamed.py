@@ -3,7 +3,7 @@
     gain     g = 1 + p_1 z + p_2 z^2 + p_3 z^3
     load     phi_i = z^i tanh(y / 0.1 m/s)
     push     phi_i = z^i
-    command  f(u) = u - sum_i p_i clip(u, -u_i, u_i) - p_r min(u, 0)
+    command  f(u) = u + sign(u) sum_i p_i [clip(|u|, u_i, u_i+1) - u_i] - p_r min(u, 0)
     z = clip((s - centre) / half width of the middle 96 %, -1.5, 1.5)
 
 They compete with the effects on the same data, as flexible as any curve that could be drawn, and without physics: where
@@ -12,12 +12,13 @@ one of them explains much more than every effect, what is missing depends on tha
 
 import math
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any, ClassVar, Final
 
 import numpy as np
 
 from cruise.effects import Effect, Parameter, Stage
-from cruise.effects.effect import About, State, Value, clip, tanh, where
+from cruise.effects.effect import About, State, Value, clip, sign, tanh, where
 from cruise.signals import Signals
 
 POWERS: Final = (1, 2, 3)
@@ -25,6 +26,7 @@ PUSHES: Final = (1, 2)  # powers of what pushes along the ground, whichever way 
 MOVING_MPS: Final = 0.1  # m/s, below which a load is taken to be held rather than felt
 FARTHEST: Final = 1.5  # half widths; beyond, a cubic says anything
 KNOTS_PCT: Final = (1, 4, 10, 22, 38, 55, 72, 86, 95, 99)  # percentiles of the current's size, closer at both ends
+MIDDLE: Final = 5  # the piece whose slope the core's gain is; ten others have their own
 STEERS: Final = 0.02  # of the largest current: with less the machine is meant to stand
 DIRECTION_S: Final = 1.0  # s over which the current's direction is felt
 DIRECTION_MA: Final = 10.0  # mA by which it must have moved
@@ -138,7 +140,8 @@ class UnnamedCurve(Effect):
     needs = ()
     parameters: ClassVar = {
         **{
-            f"p{i}": Parameter("-", -3.0, 1.5, 0.0, f"slope that is lost below knot {i}") for i in range(len(KNOTS_PCT))
+            f"p{i}": Parameter("-", -1.5, 3.0, 0.0, f"slope of piece {i}, over that of the middle one, less one")
+            for i in range(len(KNOTS_PCT))
         },
         "reverse": Parameter("-", -0.9, 0.9, 0.0, "slope that is lost below zero"),
     }
@@ -160,10 +163,12 @@ class UnnamedCurve(Effect):
         return replace(self, **shape)
 
     def step(self, value: Value, past_speed: Value, signals: Signals, state: State, dt_s: float) -> tuple[Value, State]:
-        """The current with its slope changed at every knot."""
-        shares = (self.p0, self.p1, self.p2, self.p3, self.p4, self.p5, self.p6, self.p7, self.p8, self.p9)
-        lost = sum(share * clip(value, -knot, knot) for share, knot in zip(shares, self.knots_ma, strict=True))
-        return value - lost - self.reverse * clip(value, -math.inf, 0.0), state
+        """The current with a slope of its own between every two knots."""
+        slopes = (self.p0, self.p1, self.p2, self.p3, self.p4, self.p5, self.p6, self.p7, self.p8, self.p9)
+        edges = (0.0, *self.knots_ma, math.inf)
+        pieces = [*pairwise(edges[: MIDDLE + 1]), *pairwise(edges[MIDDLE + 1 :])]
+        more = sum(p * (clip(abs(value), low, high) - low) for p, (low, high) in zip(slopes, pieces, strict=True))
+        return value + sign(value) * more - self.reverse * clip(value, -math.inf, 0.0), state
 
 
 @dataclass(frozen=True)

@@ -341,9 +341,13 @@ def test_a_curve_of_the_current_is_broken_at_its_knots():
     u = np.linspace(-1.2, 1.2, 201) * current.max()
     same, _ = curve.step(u, u, {}, None, 0.2)
     np.testing.assert_array_equal(same, u)
-    width_ma = curve.knots_ma[1]
-    dead, _ = replace(curve, p1=1.0).step(u, u, {}, None, 0.2)
+    width_ma, stop_ma, last_ma = curve.knots_ma[1], curve.knots_ma[-2], curve.knots_ma[-1]
+    dead, _ = replace(curve, p0=-1.0, p1=-1.0).step(u, u, {}, None, 0.2)
     assert dead == pytest.approx(np.sign(u) * np.maximum(np.abs(u) - width_ma, 0.0))
+    stopped, _ = replace(curve, p8=-1.0, p9=-1.0).step(u, u, {}, None, 0.2)
+    assert stopped == pytest.approx(np.clip(u, -stop_ma, stop_ma))
+    steep, _ = replace(curve, p9=2.0).step(u, u, {}, None, 0.2)
+    assert steep == pytest.approx(u + 2.0 * np.sign(u) * np.maximum(np.abs(u) - last_ma, 0.0))
     weak, _ = replace(curve, reverse=0.25).step(u, u, {}, None, 0.2)
     assert weak == pytest.approx(np.where(u < 0.0, 0.75 * u, u))
 

@@ -89,9 +89,14 @@ def foretold(scene: Scene, present: Fit, others: Sequence[Fit], blocks: np.ndarr
     return Foretold(all_of_it, loss, tuple(named) if all_of_it > CHANCE else (), (whole - left) / count)
 
 
-def share_told(scene: Scene, present: Fit, part_mps: np.ndarray, blocks: np.ndarray) -> float:
-    """R^2 that is foretold of any part (N,) of the error of a fit, such as what one effect takes away, but its mean."""
-    whole, _ = _across(_seen(scene, scene.speed_mps - bounded(present.error_mps)), part_mps, blocks, mixed=False)
+def share_told(scene: Scene, present: Fit, part_mps: np.ndarray, blocks: np.ndarray, by: str = "") -> float:
+    """R^2 that is foretold of any part (N,) of the error of a fit, such as what one effect takes away, but its mean.
+
+    By all that is recorded, or `by` one signal and the model's speed alone.
+    """
+    seen = _seen(scene, scene.speed_mps - bounded(present.error_mps))
+    seen = {name: seen[name] for name in (by, SPEED)} if by else seen
+    whole, _ = _across(seen, part_mps, blocks, mixed=False)
     known = np.isfinite(part_mps)
     part = part_mps[known]
     return 1.0 - float(np.mean((part - whole[known]) ** 2)) / max(float(np.var(part)), 1e-12)

@@ -18,11 +18,13 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from cruise.effects import EFFECTS, Stage
+from cruise.signals import INPUT
 from cruise.validation.candidates import MEDIATORS, UNNAMED, EffectCandidate, without
 from cruise.validation.foretold import share_told
 from cruise.validation.search import Judged, Search
 from cruise.validation.study import Study
 from cruise.validation.tried import LEAST_GAIN, LOOSE, SURE, Step, Tried, counted, enough
+from cruise.validation.unnamed import SPEED
 
 SHOWN: Final = 0.05  # of the present loss: with less in its signal, it says nothing of the others
 NEEDED: Final = 40.0  # evidence beside it from which something is needed whatever the forces are,
@@ -35,7 +37,8 @@ MORE: Final = 0.8  # of what the best direct cause leaves: with less, and with
 BEYOND: Final = 0.04  # of the present loss, that it must take away beyond the best direct cause: forms may be wrong
 TOLD_BESIDE: Final = 0.7  # of what it takes away beyond that foretold by what is recorded, it is a cause itself
 DIRECT: Final = 0.5  # of what it takes away: with more that a direct cause takes away in its place, it is none,
-NAMELESS: Final = 0.8  # or a curve without physics, where nothing else has been found
+NAMELESS: Final = 0.8  # or a curve without physics, where nothing else has been found,
+ALONE: Final = (0.65, 0.9)  # or that its signal alone foretells, and of what all signals do, if no effect knows it
 FORCES: Final = 2  # that such an effect may stand for, where it errs hardly more than all of them
 TOLD: Final = 0.35  # of what it takes away: with less that is foretold, a force that nobody recorded acts there
 
@@ -57,9 +60,9 @@ def behind(study: Study, present: Judged, mediator: Judged, direct: Judged, firs
     if left > NOISY:
         return Through.RECORDED, 0.0
 
-    def told(error_mps: np.ndarray) -> float:
+    def told(error_mps: np.ndarray, by: str = "") -> float:
         part_mps = error_mps - mediator.fit.error_mps
-        return share_told(study.search.scene, present.fit, part_mps, study.search.blocks)
+        return share_told(study.search.scene, present.fit, part_mps, study.search.blocks, by)
 
     instead = (present.loss - direct.loss) / taken
     margin = max(1.0 - left / MEDIATED, 1.0 - instead / LONELY if first else 0.0)
@@ -70,10 +73,20 @@ def behind(study: Study, present: Judged, mediator: Judged, direct: Judged, firs
     nameless = first and direct.candidate.startswith(UNNAMED)
     if instead > (NAMELESS if nameless else DIRECT):
         return Through.RECORDED, 0.0
+    signal = direct.candidate.removeprefix(UNNAMED)
+    if nameless and instead > DIRECT and _unknown(signal):  # the curve's form may be wrong
+        least, most = ALONE
+        if told(present.fit.error_mps, signal) >= max(least, most * told(present.fit.error_mps)):
+            return Through.RECORDED, 0.0
     beyond = max((1.0 - MORE) * direct.loss, BEYOND * present.loss)
     if direct.loss - mediator.loss > beyond and told(direct.fit.error_mps) >= TOLD_BESIDE:
         return Through.ITSELF, margin
     return (Through.ITSELF if told(present.fit.error_mps) >= TOLD else Through.UNRECORDED), margin
+
+
+def _unknown(signal: str) -> bool:
+    """Whether it is a recorded signal of which no effect of the table knows."""
+    return signal not in (INPUT, SPEED) and not any(signal in effect.needs for effect in EFFECTS.values())
 
 
 class Back(NamedTuple):

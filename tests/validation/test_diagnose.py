@@ -305,6 +305,12 @@ def test_one_recorded_signal_that_foretells_the_pressures_force_is_what_nobody_l
     assert not one.unrecorded
 
 
+def test_the_pressures_force_is_that_of_one_recorded_signal_though_no_smooth_curve_has_its_form():
+    pull_mps = -0.6 * np.clip((250.0 - HEADER) / 60.0, 0.0, 0.4)
+    one = pressed(120.0 - 300.0 * pull_mps, pull_mps)
+    assert (one.verdict, one.signals) == (Verdict.UNLISTED, ("header_height_mm",))
+
+
 # -- nothing recorded shows it
 
 

@@ -8,10 +8,13 @@ import pytest
 from cruise.identification.structures import parse
 from cruise.validation import mediator
 from cruise.validation.candidates import UNNAMED
-from cruise.validation.mediator import DIRECT, LONELY, MEDIATED, NOISY, TOLD, UNSEEN, Through, behind
+from cruise.validation.mediator import ALONE, DIRECT, LONELY, MEDIATED, NOISY, TOLD, UNSEEN, Through, behind
 from cruise.validation.search import Judged
 from cruise.validation.study import Study, study
+from cruise.validation.unnamed import SPEED
 from tests.validation.driving import drive
+
+CURVE = {"name": f"{UNNAMED}header_height_mm"}  # of a signal of which no effect of the table knows
 
 
 @pytest.fixture(scope="module")
@@ -21,7 +24,7 @@ def begun() -> Study:
 
 def said(begun: Study, left: float, instead: float, told: float, monkeypatch, **how) -> tuple[Through, float]:
     """The mediator leaves a share of the loss, the best direct cause takes a share of what it takes instead."""
-    monkeypatch.setattr(mediator, "share_told", lambda *given: told)
+    monkeypatch.setattr(mediator, "share_told", lambda *given: how.get("alone", told) if given[-1] else told)
 
     def leaves(share: float, name: str) -> Judged:
         return replace(begun.base, candidate=name, raw=share * np.ones_like(begun.base.raw))
@@ -38,6 +41,13 @@ def said(begun: Study, left: float, instead: float, told: float, monkeypatch, **
         (0.1, DIRECT + 0.05, 0.9, {}, Through.RECORDED),
         (0.1, DIRECT + 0.05, 0.9, {"name": f"{UNNAMED}gear"}, Through.ITSELF),
         (0.1, DIRECT + 0.05, 0.9, {"name": f"{UNNAMED}gear", "first": False}, Through.RECORDED),
+        (0.1, DIRECT + 0.05, 0.9, CURVE | {"alone": 0.85}, Through.RECORDED),
+        (0.1, DIRECT - 0.05, 0.9, CURVE | {"alone": 0.85}, Through.ITSELF),
+        (0.1, DIRECT + 0.05, 0.9, CURVE | {"alone": 0.9 * ALONE[1] - 0.05}, Through.ITSELF),
+        (0.1, DIRECT + 0.05, ALONE[0], CURVE | {"alone": ALONE[0] - 0.05}, Through.ITSELF),
+        (0.1, DIRECT + 0.05, 0.9, CURVE | {"alone": 0.85, "name": f"{UNNAMED}gear"}, Through.ITSELF),
+        (0.1, DIRECT + 0.05, 0.9, CURVE | {"alone": 0.85, "name": f"{UNNAMED}{SPEED}"}, Through.ITSELF),
+        (0.1, DIRECT + 0.05, 0.9, CURVE | {"alone": 0.85, "first": False}, Through.RECORDED),
         (MEDIATED + 0.05, LONELY - 0.05, 0.9, {}, Through.ITSELF),
         (UNSEEN - 0.05, LONELY - 0.05, TOLD - 0.05, {}, Through.UNRECORDED),
         (UNSEEN + 0.05, LONELY - 0.05, TOLD - 0.05, {}, Through.RECORDED),

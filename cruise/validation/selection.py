@@ -11,7 +11,7 @@ from cruise.signals import INPUT, OUTPUT
 from cruise.validation.background import DYNAMICS, STRUCTURAL
 from cruise.validation.candidates import MEDIATORS, UNNAMED, Refused, candidates, unnamed, without
 from cruise.validation.mediator import MEDIATED, one_for_all
-from cruise.validation.search import Judged, gain, sureness
+from cruise.validation.search import Judged, Search, gain, sureness
 from cruise.validation.study import Study
 from cruise.validation.tried import (
     ALL_OF_IT,
@@ -105,29 +105,21 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
         named = [one for one in step.tried if not one.name.startswith(UNNAMED)]
         before = steps[-2].before if chosen else present
         worthy = [one for one in named if (_further(one, step, before, chosen) if chosen else _first(one, step))]
-        if not worthy:
-            pair = _pair(study, step, rng, show) if not chosen else None
-            if pair is None:
-                break
+        pair = _pair(study, step, rng, show) if not worthy and not chosen else None
+        if pair is not None:
             steps[-1:] = [replace(step, taken=pair.first.name), replace(pair.step, taken=pair.second.name)]
-            chosen += [pair.first.name, pair.second.name]
-            present = pair.second.judged
-            continue
-        best = min((one for one in worthy if close(worthy[0], one)), key=lambda one: one.compared.loss)
-        steps[-1] = replace(step, taken=best.name)
-        chosen.append(best.name)
-        present = best.judged
-        for name in chosen[:-1]:
-            other = search.judged("", search.fitted(without(present.explanation, name)))
-            held = [one for one in chosen if one != name]
-            if together(steps[0], present, chosen) - together(steps[0], other, held) < SUPERFLUOUS * ENOUGH:
-                chosen.remove(name)
-                present = other
+            chosen, present = [pair.first.name, pair.second.name], pair.second.judged
+        elif worthy:
+            best = min((one for one in worthy if close(worthy[0], one)), key=lambda one: one.compared.loss)
+            steps[-1] = replace(step, taken=best.name)
+            chosen, present = _needed(search, steps[0], [*chosen, best.name], best.judged)
+        else:
+            break
         back = one_for_all(search, steps, chosen, present)
         if back is not None:
             steps = [*steps[: back.place], back.step]
-            chosen = [*(one.taken for one in steps[:-1] if one.taken in chosen), back.step.taken]
-            present = back.judged
+            there = [one.taken for one in steps if one.taken in back.judged.explanation.names]
+            chosen, present = _needed(search, steps[0], list(dict.fromkeys(there)), back.judged)
     if steps[0].unrecorded:
         shows = next(one for one in steps[0].tried if one.name == steps[0].unrecorded)
         return Selected(tuple(steps), (), shows.judged, tuple(refused))
@@ -143,6 +135,16 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
     if curve is not None:
         return Selected(tuple(steps), (curve.name,), curve.judged, tuple(refused), margin)
     return Selected(tuple(steps), tuple(chosen), present, tuple(refused), beside=beside)
+
+
+def _needed(search: Search, first: Step, chosen: list[str], present: Judged) -> tuple[list[str], Judged]:
+    """What is still needed beside the effect that was added last, and the model with only that."""
+    for name in chosen[:-1]:
+        other = search.judged("", search.fitted(without(present.explanation, name)))
+        held = [one for one in chosen if one != name]
+        if together(first, present, chosen) - together(first, other, held) < SUPERFLUOUS * ENOUGH:
+            chosen, present = held, other
+    return chosen, present
 
 
 def _first(one: Tried, step: Step) -> bool:

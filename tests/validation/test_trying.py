@@ -7,13 +7,14 @@ import pytest
 
 from cruise.identification.structures import parse
 from cruise.validation import trying
-from cruise.validation.candidates import candidates
+from cruise.validation.candidates import UNNAMED, candidates, unnamed
 from cruise.validation.fitting import Fit
+from cruise.validation.mediator import Through
 from cruise.validation.search import Judged, Search
 from cruise.validation.study import Study, study
 from cruise.validation.tried import Step
 from cruise.validation.trying import MOVED, tried_beside
-from tests.validation.driving import drive
+from tests.validation.driving import drive, wander
 
 PERIOD_S = 0.2
 
@@ -54,3 +55,27 @@ def test_what_rings_is_fitted_from_elsewhere_where_the_core_has_a_pair_of_its_ow
     assert one.base.explanation.core.servo_hz
     tried(one, one.base)
     assert {"resonance", "transport_delay"} <= set(seen)
+
+
+def test_what_the_drive_itself_moves_is_no_direct_cause_in_the_place_of_the_pressure(monkeypatch):
+    moves = wander(800, 0.2, 5, 20.0, 2.0)
+    load_mps = -0.2 * (moves / 20.0) ** 2
+    columns = {"engine_load_pct": 50.0 + moves, "line_pressure_bar": 120.0 - 300.0 * load_mps}
+    one = study(
+        [drive(160.0, 4, 0.2, 0.01, columns=columns, load_mps=load_mps)],
+        parse("arx:na=1,nb=3,delay_s=0.4"),
+        None,
+        PERIOD_S,
+    )
+    seen: list[Judged] = []
+
+    def remember(study: Study, present: Judged, mediator: Judged, direct: Judged, first: bool) -> tuple[Through, float]:
+        seen.append(direct)
+        return Through.RECORDED, 0.0
+
+    monkeypatch.setattr(trying, "behind", remember)
+    everyone = [*candidates(one.recordings, one.base.explanation)[0], *unnamed(one.recordings, one.base.explanation)]
+    step = tried_beside(one, one.base, everyone, [], np.random.default_rng(1), lambda text: None)
+    moved = {found.name: found.judged.loss for found in step.tried}
+    assert moved[f"{UNNAMED}engine_load_pct"] < 0.5 * min(seen[-1].loss, step.before.loss), "it would explain most"
+    assert seen[-1].candidate not in (f"{UNNAMED}engine_load_pct", f"{UNNAMED}line_pressure_bar", "leakage")

@@ -99,6 +99,8 @@ class EffectCandidate:
             explanation = replace(explanation, core=replace(core, lag_s=CORE["lag_s"].low))
         elif self.name == "hysteresis":
             known = {"share": HELD}
+        elif self.name == "quadratic_gain":  # a parabola at first
+            known = {"flattening": 0.0}
         else:
             known = dict(self.known)
         for share in SHARES if shapes and self.name != "gear_ratio" else SHARES[:1]:

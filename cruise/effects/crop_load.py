@@ -1,13 +1,13 @@
 """Crop load: threshing takes torque from the engine that the drive then lacks.
 
-    phi_k = -(load - r |y| - q |y| dy/dt) / 100 % x_k,   x_k = clip(h x_(k-1) + y / y_c, -1, 1)
+    phi_k = -(load - l_0 - r |y| - q |y| dy/dt) / 100 % x_k,   x_k = clip(h x_(k-1) + y / y_c, -1, 1)
 
-load engine torque in percent of the torque available at this speed, y ground speed in m/s; r in % per m/s and q in %
-per m2/s3 are what of the load the drive itself makes, rolling and accelerating; x share of the loss that acts, as of
-any dry resistance (coulomb_friction), y_c speed in m/s at which all of it is there within a sample, h = exp(-T / 0.9 s)
-its memory: crop holds the machine back whichever way it goes and moves none that stands. Source: sections V.B and VI
-of Coen et al. 2005 ("in field conditions, where the engine faces higher loads"); that the loss is proportional to the
-load is an assumption of this program.
+load engine torque in percent of the torque available at this speed, y ground speed in m/s; l_0 in % is what engine,
+drum and fans take while nothing is cut, r in % per m/s and q in % per m2/s3 are what of the load the drive itself
+makes, rolling and accelerating; x share of the loss that acts, as of any dry resistance (coulomb_friction), y_c speed
+in m/s at which all of it is there within a sample, h = exp(-T / 0.9 s) its memory: crop holds the machine back
+whichever way it goes and moves none that stands. Source: sections V.B and VI of Coen et al. 2005 ("in field conditions,
+where the engine faces higher loads"); that the loss is proportional to the load is an assumption of this program.
 """
 
 import math
@@ -23,13 +23,14 @@ from cruise.signals import Signals
 
 @dataclass(frozen=True, slots=True)
 class CropLoad(Effect):
-    """phi = -(engine_load_pct less the drive's own) / 100, against the motion; the coefficient is what 100 % cost."""
+    """phi = -(engine_load_pct less idle's and the drive's) / 100, against the motion; its coefficient is in m/s."""
 
     name = "crop_load"
     stage = Stage.LOAD
     needs = ("engine_load_pct",)
     reads_speed = True
     parameters: ClassVar = {
+        "idle_pct": Parameter("%", 0.0, 60.0, 0.0, "load while nothing is cut: engine, drum and fans by themselves"),
         "rolling_pct_per_mps": Parameter("% per m/s", 0.0, 15.0, 0.0, "load that rolling makes: 15 t and 0.06 are 3.5"),
         "inertia_pct_per_m2ps3": Parameter("% per m2/s3", 0.0, 15.0, 0.0, "load that accelerating makes: 15 t are 6"),
         "crossover_mps": Parameter("m/s", 0.01, 0.5, 0.5, "speed at which the loss is there within a sample"),
@@ -37,11 +38,11 @@ class CropLoad(Effect):
     about: ClassVar = About(
         physics="Header, threshing drum and straw chopper hang on the same engine as the drive. When the crop is dense "
         "they take torque, the engine gives way, and the machine loses speed although nobody touched the lever. The "
-        "load that the engine reports is the sum of crop and drive: it rises with every command, every acceleration "
-        "and every slope, so that it is a consequence of the motion before it is a cause. Believe in this effect only "
-        "where the load changes while current and slope do not. What the crop takes, it takes from a machine that "
-        "moves, in reverse too: no load of the engine pushes a standing machine backwards.",
-        equation="phi = -(load - r |y| - q |y| dy/dt) / 100 % x,  x 1 forward, -1 in reverse, fading at rest",
+        "load that the engine reports is the sum of crop, drive and what runs empty: it rises with every command, "
+        "every acceleration and every slope, so that it is a consequence of the motion before it is a cause. Believe "
+        "in this effect only where the load changes while current and slope do not. What the crop takes, it takes from "
+        "a machine that moves, in reverse too: no load of the engine pushes a standing machine backwards.",
+        equation="phi = -(load - l_0 - r |y| - q |y| dy/dt) / 100 % x,  x 1 forward, -1 in reverse, fading at rest",
         source="Coen et al. 2005, sections V.B and VI; the proportionality is an assumption",
         signature="the residual follows minus the engine load, at constant current too and before the speed has moved",
         look_alikes=("power_limit", "engine_droop", "grade", "leakage"),
@@ -50,6 +51,7 @@ class CropLoad(Effect):
         "where grade acts and crop_load doesn't",
     )
 
+    idle_pct: float = 0.0
     rolling_pct_per_mps: float = 0.0
     inertia_pct_per_m2ps3: float = 0.0
     crossover_mps: float = 0.2
@@ -74,7 +76,7 @@ class CropLoad(Effect):
         return -self._taken(past_speeds, before_mps, signals, dt_s) * shares, (past_speeds, held)
 
     def _taken(self, past_speed: Value, before_mps: Value, signals: Signals, dt_s: float) -> Value:
-        """Share of the engine's torque that crop takes: the load less what rolls and accelerates the machine."""
+        """Share of the engine's torque that crop takes: the load less what runs empty, rolls and accelerates."""
         accel_mps2 = (past_speed - where(before_mps == before_mps, before_mps, past_speed)) / dt_s
-        own_pct = abs(past_speed) * (self.rolling_pct_per_mps + self.inertia_pct_per_m2ps3 * accel_mps2)
+        own_pct = self.idle_pct + abs(past_speed) * (self.rolling_pct_per_mps + self.inertia_pct_per_m2ps3 * accel_mps2)
         return 0.01 * (signals["engine_load_pct"] - own_pct)

@@ -21,7 +21,7 @@ REFERENCE_MA: Final = 1000.0  # mA, makes the curvature a number of order one
 
 @dataclass(frozen=True, slots=True)
 class QuadraticGain(Effect):
-    """f(u) = u (1 + curvature s) / (1 + flattening s^2) in mA, s = |u| / 1000 mA; odd, for both directions of travel."""
+    """f(u) = u (1 + curvature s) / (1 + flattening s^2) in mA, s = |u| / 1000 mA; odd, for both directions."""
 
     name = "quadratic_gain"
     stage = Stage.COMMAND
@@ -34,8 +34,8 @@ class QuadraticGain(Effect):
     }
     about: ClassVar = About(
         physics="Spool geometry, the spring's characteristic and the flow forces make the servo's stroke a curved "
-        "function of the current, which begins as a parabola and bends back as the spool opens. The same step of current "
-        "gives more speed at a medium current than at a low one.",
+        "function of the current, which begins as a parabola and bends back as the spool opens. The same step of "
+        "current gives more speed at a medium current than at a low one.",
         equation="f(u) = u (1 + q s) / (1 + r s^2),  s = |u| / 1000 mA",
         source="Coen et al. 2005, section IV.C, Fig. 4, Table III; Jelali and Kroll 2003, ch. 4 (half bridge)",
         signature="the residual correlates with u^2 once the linear part is taken away",

@@ -31,7 +31,7 @@ SHAPES = {
     "speed_droop": {"droop_per_mps": 0.1, "exponent": 1.6},
     "grade": {"mass_share": 0.6, "acceleration_share": 0.5, "filter_s": 1.0},
     "rolling_resistance": {"crossover_mps": 0.3, "rise_per_mps": 0.2, "held_share": 0.3},
-    "crop_load": {"rolling_pct_per_mps": 3.0, "inertia_pct_per_m2ps3": 6.0, "crossover_mps": 0.1},
+    "crop_load": {"idle_pct": 20.0, "rolling_pct_per_mps": 3.0, "inertia_pct_per_m2ps3": 6.0, "crossover_mps": 0.1},
     "coulomb_friction": {"crossover_mps": 0.1},
     "leakage": {},
     "transport_delay": {"delay_s": 0.3},

@@ -32,3 +32,9 @@ def test_what_the_drive_itself_takes_from_the_engine_is_no_crop():
     assert steady == pytest.approx(-(26.0 - 4.0 * 2.0) / 100.0)
     speeding_up, _ = effect.step(0.0, 2.1, now, state, 0.2)
     assert speeding_up == pytest.approx(-(26.0 - 2.1 * (4.0 + 6.0 * 0.5)) / 100.0)
+
+
+def test_what_engine_and_drum_take_while_nothing_is_cut_is_no_crop():
+    effect = CropLoad(idle_pct=30.0)
+    assert effect.step(0.0, 2.0, {"engine_load_pct": 30.0}, effect.start(0.0), 0.2)[0] == 0.0
+    assert effect.step(0.0, 2.0, {"engine_load_pct": 80.0}, effect.start(0.0), 0.2)[0] == pytest.approx(-0.5)

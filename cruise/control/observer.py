@@ -102,8 +102,9 @@ class DisturbanceObserver:
 
     That is `log_pace` and `width_share`, each with its variance and the derivative of the rest by it, `moved` and
     `turned`, what `lasts`, and m, `hill_mps`. `innovation_mps` is what the last frame did not fit by; `unexpected_mps`
-    what of the change of the measured speed, `measured_mps`, since the frame before was not expected. A filter that
-    corrects the speed slowly, as the ripple wants it, goes on showing in the one what came long ago.
+    what of the change of the measured speed, `measured_mps`, since the frame before was not expected, and
+    `expected_mps` the rest. A filter that corrects the speed slowly, as the ripple wants it, goes on showing in the one
+    what came long ago.
     """
 
     def __init__(self, frame_s: float, settings: ObserverSettings) -> None:
@@ -122,7 +123,7 @@ class DisturbanceObserver:
         """Begin at a measured speed, with nothing known beside it but the width."""
         self.speed_mps = self.measured_mps = speed_mps
         self.disturbance_mps = 0.0
-        self.innovation_mps = self.unexpected_mps = self.hill_mps = 0.0
+        self.innovation_mps = self.expected_mps = self.unexpected_mps = self.hill_mps = 0.0
         self.steady_mps = math.nan  # s through a lag of brisk_s
         self.ripple = np.zeros(2)  # q and r
         self.log_pace, self.log_pace_variance = 0.0, 0.0
@@ -173,7 +174,8 @@ class DisturbanceObserver:
         states[:, 0] += share * np.array((steady_mps, ahead_mps, width_mps))
         seen, by_pace, by_width = (states @ SEEN).tolist()
         self.innovation_mps = speed_mps - seen
-        self.unexpected_mps = speed_mps - self.measured_mps - share * ahead_mps
+        self.expected_mps = share * ahead_mps
+        self.unexpected_mps = speed_mps - self.measured_mps - self.expected_mps
         self.measured_mps = speed_mps
         self.calm = 1.0 / (1.0 + (self._rate_mps2(steady_mps) / self.settings.brisk_mps2) ** 2)
         gain = found.gain + self._hill_share(found.variance) * (found.hill_gain - found.gain)

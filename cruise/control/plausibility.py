@@ -18,6 +18,7 @@ from typing import Final
 import msgspec
 
 from cruise.control.lateness import Lateness
+from cruise.control.suddenness import Suddenness
 from cruise.control.usual import UsualShares
 from cruise.settings import Positive, refuse_wide
 
@@ -27,7 +28,6 @@ USUAL_S: Final = 5.0  # s, time constant of that error: temperature and voltage 
 SMOOTH_S: Final = 0.2  # s, time constant through which two speeds are compared
 RATE_S: Final = 0.1  # s over which a rate is taken
 JUMP_S: Final = 0.2  # s over which the model's errors are summed
-FORCE_S: Final = 0.4  # s over which they are compared with those of the time before
 TEXTURE_S: Final = 0.5  # s, time constant of the roughness
 WIDEST: Final = 3.0  # times its default that a threshold may be
 LEAST_READINGS: Final = 8  # equal ones that make a sensor frozen: at 5 Hz it may repeat itself by chance
@@ -56,9 +56,10 @@ class PlausibilitySettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unk
     # m/s within 0.2 s that no command explains, half of it within 0.1 s: 1.5 m/s2; rolling freely on 5 degrees is 0.17,
     # noise makes 0.15 and 0.08
     jump_mps: Positive = 0.3
-    # m/s within 0.4 s more than in the 0.4 s before, while the drive rests: a force of 0.5 m/s2 that comes at once;
-    # a hill of 8 degrees that comes within 2.5 s makes 0.09
-    force_mps: Positive = 0.2
+    # m/s within 0.4 s more than in the 0.4 s before: a force of 0.4 m/s2 that comes at once; a hill of 8 degrees that
+    # comes within 2.5 s makes 0.09, and noise 0.07
+    force_mps: Positive = 0.16
+    force_share: Positive = 0.5  # of how much the drive itself does so: twice what of its pace is not known (observer)
     behind_mps: Positive = 0.3  # m/s that the machine may be behind the reference
     crowd: Positive = 1.6  # of the frames of a message in the second before engaging: more is a second sender
     faulty_share: Positive = 0.5  # of the last frames of a protected message
@@ -83,8 +84,8 @@ class Seen:
     commanded_ma: float  # sent last, NaN while somebody else drives
     followed_mps: float  # reference or setpoint, whichever is less: ahead of a falling reference is not behind
     disturbance_mps: float  # in m/s of steady speed, what the model does not explain
-    unexpected_mps: float  # of the change of the speed in this frame, what no command explains
-    calm: float  # share of that which the drive has not moved itself
+    expected_mps: float  # of the change of the speed in this frame, what drive and loads make by the model
+    unexpected_mps: float  # the rest, what no command explains
     alpha: float  # equation 12: 1 in the slow gears, less in those that a hill slows down more
     crowding: float  # the busiest message's frames in the last second over those before engaging
     faulty_share: float  # of the last frames of the worst protected message
@@ -151,10 +152,12 @@ class Memory:
     unexpected: deque[float] = field(default_factory=deque)  # m/s, by frame
     usual: UsualShares = field(init=False)
     lateness: Lateness = field(init=False)
+    suddenness: Suddenness = field(init=False)
 
     def __post_init__(self) -> None:
         self.usual = UsualShares(self.frame_s)
         self.lateness = Lateness(self.frame_s, WINDOW_S)
+        self.suddenness = Suddenness(self.frame_s)
 
     def take(self, seen: Seen) -> None:
         """One frame period on."""
@@ -166,8 +169,9 @@ class Memory:
         while seen.time_s - self.past[0][0] > RATE_S + 1e-6:
             self.past.popleft()
         self.unexpected.append(seen.unexpected_mps)
-        while len(self.unexpected) * self.frame_s > 2.0 * FORCE_S + 1e-6:
+        while len(self.unexpected) * self.frame_s > JUMP_S + 1e-6:
             self.unexpected.popleft()
+        self.suddenness.take(seen.expected_mps, seen.unexpected_mps)
         if math.isfinite(seen.commanded_ma):
             self.commands.append((seen.time_s, seen.commanded_ma))
         else:
@@ -182,10 +186,10 @@ class Memory:
             speed, (math.nan if slips else wheel, radar), self.settings.speed_change_mps, self.settings.speed_share
         )
 
-    def unexpected_mps(self, from_s: float, to_s: float) -> float:
-        """What no command explains of the change of the speed, from so long ago to so long ago."""
-        first, last = (len(self.unexpected) - round(ago_s / self.frame_s) for ago_s in (from_s, to_s))
-        return sum(islice(self.unexpected, max(first, 0), max(last, 0)))
+    def unexpected_mps(self, for_s: float) -> float:
+        """What no command explains of the change of the speed in the last so many seconds."""
+        first = len(self.unexpected) - round(for_s / self.frame_s)
+        return sum(islice(self.unexpected, max(first, 0), None))
 
     def _regulated(self, seen: Seen) -> None:
         sent = [current_ma for _, current_ma in self.commands]
@@ -240,13 +244,13 @@ def _frozen(seen: Seen, memory: Memory, settings: PlausibilitySettings) -> float
 
 def _force(seen: Seen, memory: Memory, settings: PlausibilitySettings) -> float:
     """A brake that nobody sees, or a sensor that jumps: a hill, however steep, comes in seconds."""
-    more_mps = memory.unexpected_mps(FORCE_S, 0.0) - memory.unexpected_mps(2.0 * FORCE_S, FORCE_S)
-    return seen.calm * abs(more_mps) / settings.force_mps
+    sudden = memory.suddenness
+    return sudden.more_mps / (settings.force_mps + settings.force_share * sudden.own_mps)
 
 
 def _jump(seen: Seen, memory: Memory, settings: PlausibilitySettings) -> float:
     """The same rate over the whole time and over half of it: what comes within a frame or two is no mass that moves."""
-    whole_mps, half_mps = (abs(memory.unexpected_mps(from_s, 0.0)) for from_s in (JUMP_S, 0.5 * JUMP_S))
+    whole_mps, half_mps = (abs(memory.unexpected_mps(for_s)) for for_s in (JUMP_S, 0.5 * JUMP_S))
     return max(whole_mps, 2.0 * half_mps) / settings.jump_mps
 
 

@@ -20,8 +20,8 @@ TRUE = Seen(
     commanded_ma=800.0,
     followed_mps=1.5,
     disturbance_mps=0.1,
+    expected_mps=-0.01,
     unexpected_mps=0.01,
-    calm=1.0,
     alpha=1.0,
     crowding=1.0,
     faulty_share=0.0,
@@ -61,6 +61,22 @@ def swinging(time_s: float) -> float:
     return 800.0 + 20.0 * math.sin(2.0 * time_s)
 
 
+def moving(seen: Seen, own_mps2: float, more_mps2: float, time_s: float) -> Seen:
+    """A speed that the drive changes at one rate and something else at another, from now on and for a second."""
+    within_s = min(time_s, 1.0)
+    speed_mps = seen.speed_mps + (own_mps2 + more_mps2) * within_s
+    frame_s = FRAME_S if time_s <= 1.0 else 0.0
+    return replace(
+        seen,
+        speed_mps=speed_mps,
+        wheel_mps=speed_mps + 0.05,
+        radar_mps=speed_mps,
+        followed_mps=speed_mps,
+        expected_mps=seen.expected_mps + own_mps2 * frame_s,
+        unexpected_mps=seen.unexpected_mps + more_mps2 * frame_s,
+    )
+
+
 LIES: dict[str, tuple[Lie, float]] = {
     "another node sends our messages": (lambda seen, s: replace(seen, imposters=1), 0.0),
     "two setpoints take turns": (lambda seen, s: replace(seen, wavering=3), 0.0),
@@ -89,8 +105,8 @@ LIES: dict[str, tuple[Lie, float]] = {
     ),
     "the engine speed changes faster than it can": (lambda seen, s: replace(seen, engine_rpm=1900.0), 0.1),
     "current and speed do not fit the model": (lambda seen, s: replace(seen, disturbance_mps=-0.9), 0.3),
-    "the speed changes as no command did": (lambda seen, s: replace(seen, unexpected_mps=-0.08, calm=0.1), 0.15),
-    "a force came at once, as no hill does": (lambda seen, s: replace(seen, unexpected_mps=-0.03), 0.35),
+    "the speed changes as no command did": (lambda seen, s: replace(seen, unexpected_mps=-0.08), 0.15),
+    "a force came at once, as no hill does": (lambda seen, s: moving(seen, 0.0, -0.5, s), 0.4),
     "the machine does not follow": (lambda seen, s: replace(seen, followed_mps=2.0), 1.0),
 }
 
@@ -114,6 +130,30 @@ def test_a_speed_that_jumps_within_two_frames_is_found_at_once():
     said, after_s = found(lambda seen, s: replace(seen, unexpected_mps=0.08 if s < 0.11 else 0.01))
     assert said == "the speed changes as no command did"
     assert after_s == pytest.approx(2 * FRAME_S)
+
+
+@pytest.mark.parametrize("more_mps2", [0.5, -0.5])
+def test_a_force_is_found_though_the_drive_moves(more_mps2):
+    """Evenly, at 0.5 m/s2: a model that errs by half of that errs by the same all the time."""
+    plausibility, said, k = Plausibility(PlausibilitySettings(), FRAME_S), "", 0
+    while not said and k < 60:
+        k += 1
+        now_s, unexpected_mps2 = k * FRAME_S, 0.25 + (more_mps2 if k > 40 else 0.0)
+        speed_mps = 1.0 + 0.5 * now_s + more_mps2 * max(now_s - 2.0, 0.0)
+        said = plausibility.step(
+            replace(
+                TRUE,
+                time_s=now_s,
+                speed_mps=speed_mps,
+                wheel_mps=speed_mps + 0.05,
+                radar_mps=speed_mps,
+                followed_mps=speed_mps,
+                expected_mps=0.25 * FRAME_S,
+                unexpected_mps=unexpected_mps2 * FRAME_S,
+            )
+        )
+    assert said == "a force came at once, as no hill does"
+    assert 44 < k <= 48
 
 
 @pytest.mark.parametrize("name", NOISE)
@@ -166,7 +206,7 @@ HARMLESS: dict[str, Lie] = {
     "the engine labours": lambda seen, s: replace(seen, engine_rpm=2100.0 - 300.0 * min(s, 1.0)),
     "a hill takes more of the speed in a fast gear": lambda seen, s: replace(seen, disturbance_mps=-1.0, alpha=0.33),
     "the speed is noisy": lambda seen, s: replace(seen, unexpected_mps=0.05 * math.cos(20.0 * math.pi * s)),
-    "the model errs while the drive moves": lambda seen, s: replace(seen, unexpected_mps=0.05, calm=0.4),
+    "the model errs by half while the drive begins to move": lambda seen, s: moving(seen, 0.8, 0.4, s),
     "a hill of 8 degrees comes within 2.5 s, and nothing meets it": lambda seen, s: replace(
         seen, unexpected_mps=0.01 - FRAME_S * 0.55 * min(s, 2.0)
     ),

@@ -297,3 +297,14 @@ def test_after_a_time_out_the_drive_wants_to_see_an_inactive_command_first():
         if k in (90, 140, 200, 260, 390):
             expected = {90: True, 140: False, 200: False, 260: False, 390: True}[k]
             assert machine.driven_by_cruise is expected, now_s
+
+
+def test_what_the_drive_itself_does_is_told_from_a_force():
+    """While the operator leads the machine up from standstill, and then while it goes on evenly."""
+    whole, own = Whole(), []
+    for k in range(2, 50):
+        plausibility = whole.run(0.1 * k).node.plausibility
+        assert plausibility is not None
+        own.append(plausibility.memory.suddenness.own_mps)
+    assert max(own) > 0.2
+    assert own[-1] < 0.1

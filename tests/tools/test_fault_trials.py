@@ -71,6 +71,9 @@ def test_a_fault_is_noticed(fault):
         ("current late", 9008, "the current is late behind its command"),  # by 0.34 s, while it moves slowly
         ("every speed biased", 9008, "the speed changes as no command did"),  # by 0.2 m/s at once, in fourth gear
         ("speed biased", 20008, "the drive's speed has left that of wheel and ground"),  # by 0.17 m/s, so too
+        # In fourth gear, while the drive moves, a brake of 0.5 m/s2: let go after 4 s, and within a second.
+        ("brake acts unseen", 110020, "a force came at once"),
+        ("brake acts unseen", 110047, "a force came at once"),
     ],
 )
 def test_what_was_silent_once_is_noticed(fault, seed, how):

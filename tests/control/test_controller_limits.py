@@ -1,0 +1,108 @@
+"""What the controller asks for stays within current, rate, acceleration and 1 Hz."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cruise.control.controller import ControlSettings
+from cruise.control.limits import LimitSettings
+from cruise.control.observer import ObserverSettings
+from cruise.control.predictive import PredictiveSettings
+from cruise.signals import Sample
+from tests.control.machine import FRAME_S, RATIO, Loop, Machine
+
+
+@pytest.mark.parametrize("gear", [1, 2])
+def test_what_is_on_its_way_comes_in_its_order(gear):
+    """A current that rose slowly, all of it within the dead time: its end at once would be three times that."""
+    loop = Loop(Machine(gear=gear)).by_hand(700.0, 30.0)
+    for k in range(10):
+        loop.by_hand(700.0 + 10.0 * k, FRAME_S)
+    known_mps2, speeds = loop.controller.coming_mps2, [loop.machine.speed_mps]
+    for _ in range(12):
+        loop.by_hand(790.0, FRAME_S)
+        speeds.append(loop.machine.speed_mps)
+    assert known_mps2 == pytest.approx(np.diff(speeds).max() / FRAME_S, rel=0.3)
+
+
+@pytest.mark.parametrize("gear", RATIO)
+@pytest.mark.parametrize("change_ma", [200.0, -200.0])
+def test_it_knows_the_acceleration_that_is_on_its_way(change_ma, gear):
+    """A current that jumps by hand: what the machine then does was known before it began, and is over after it."""
+    loop = Loop(Machine(gear=gear)).by_hand(800.0, 30.0)
+    assert loop.controller.coming_mps2 < 0.02
+    loop.by_hand(800.0 + change_ma, 0.5)
+    known_mps2, before_mps = loop.controller.coming_mps2, loop.machine.speed_mps
+    speeds = [before_mps]
+    for _ in range(200):
+        loop.by_hand(800.0 + change_ma, FRAME_S)
+        speeds.append(loop.machine.speed_mps)
+    assert known_mps2 == pytest.approx(abs(np.diff(speeds[:13])).max() / FRAME_S, rel=0.5)
+    assert loop.controller.coming_mps2 < 0.1
+
+
+def test_no_command_leaves_the_limits():
+    limits = LimitSettings(current_min_ma=450.0, current_max_ma=760.0, rate_max_ma_per_s=100.0)
+    loop = Loop(Machine(), settings=ControlSettings(limits=limits)).by_hand(700.0, 10.0)
+    loop.engaged(3.0, 15.0)
+    assert loop.currents[-1] == pytest.approx(760.0)
+    loop.engaged(0.3, 15.0)
+    assert loop.currents.min() >= 450.0
+    assert loop.currents.max() <= 760.0
+    assert abs(np.diff(loop.currents)).max() <= 100.0 * 0.05 + 1e-9
+    assert any(command.limited for command in loop.commands)
+    loop.engaged(1.2, 20.0)
+    assert loop.speeds[-1] == pytest.approx(1.2, abs=0.01)
+
+
+def test_acceleration_stays_within_what_is_comfortable():
+    loop = Loop(Machine()).by_hand(600.0, 20.0).engaged(2.4, 15.0).engaged(0.6, 15.0)
+    assert abs(np.diff(loop.speeds)).max() / FRAME_S < 1.0
+
+
+def test_it_takes_over_gently_until_it_is_told_otherwise():
+    def hardest(gently: bool) -> float:
+        predictive = PredictiveSettings(accel_max_mps2=0.5)
+        loop = Loop(Machine(), settings=ControlSettings(predictive=predictive)).by_hand(600.0, 20.0)
+        for _ in range(100):
+            loop.commands.append(loop.controller.step(loop.sample, 2.4, gently))
+            loop.sample = loop.machine.step(loop.commands[-1].current_ma)
+            loop.speeds.append(loop.machine.speed_mps)
+        return float(abs(np.diff(loop.speeds)).max()) / FRAME_S
+
+    assert hardest(True) < 0.9 * hardest(False)
+
+
+def test_an_acceleration_is_bounded_as_if_the_drive_were_quicker_where_its_gear_is_not_sure():
+    """Fourth gear, whose time constant the ratio alone does not tell, and second, which the model was learned in."""
+
+    def hardest(gear: int, pace_share: float) -> float:
+        settings = ControlSettings(
+            predictive=PredictiveSettings(accel_max_mps2=0.5), observer=ObserverSettings(pace_share=pace_share)
+        )
+        loop = Loop(Machine(gear=gear), settings=settings).by_hand(830.0, 40.0)
+        by_hand_mps = loop.machine.speed_mps
+        loop.engaged(by_hand_mps, 8.0).engaged(0.6 * by_hand_mps, 12.0)
+        return float(abs(np.diff(loop.speeds)).max()) / FRAME_S
+
+    assert hardest(4, 0.25) < 0.9 * hardest(4, 1e-9)
+    assert hardest(2, 0.25) == pytest.approx(hardest(2, 1e-9))
+
+
+def test_the_command_has_little_above_1_hz_with_a_noisy_sensor_too():
+    loop = Loop(Machine(band_ma=30.0)).by_hand(700.0, 20.0)
+    rng = np.random.default_rng(0)
+    step = loop.machine.step
+
+    def noisy(current_ma: float) -> Sample:
+        sample = step(current_ma)
+        return replace(sample, speed_mps=sample.speed_mps + 0.01 * rng.standard_normal())
+
+    loop.machine.step = noisy
+    loop.engaged(1.0, 20.0).engaged(1.5, 20.0)
+    spectrum = np.fft.rfft((loop.currents - loop.currents.mean()) * np.hanning(len(loop.currents)))
+    power = 2.0 * np.abs(spectrum / len(loop.currents)) ** 2 * 8.0 / 3.0  # of a Hann window
+    frequency_hz = np.fft.rfftfreq(len(loop.currents), FRAME_S)
+    assert math.sqrt(power[frequency_hz > 1.0].sum()) < 6.0

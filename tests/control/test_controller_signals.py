@@ -1,0 +1,87 @@
+"""What is measured beside the speed acts through the model: gear, throttle, slope and load."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cruise.effects.grade import Grade
+from cruise.model.model import Model
+from cruise.signals import Sample
+from tests.control.machine import EFFECTS, FRAME_S, MODEL, PERIOD_S, Loop, Machine
+
+
+def test_a_change_of_gear_and_of_throttle_makes_no_bump_in_the_speed_that_is_asked_for():
+    loop = Loop(Machine()).by_hand(700.0, 20.0).engaged(1.2, 20.0)
+    for rpm in np.linspace(2100.0, 1500.0, 100):  # 120 rpm/s
+        loop.machine.rpm = float(rpm)
+        loop.engaged(1.2, FRAME_S)
+    loop.engaged(1.2, 10.0)
+    assert abs(np.array(loop.speeds[-300:]) - 1.2).max() < 0.045
+    loop.machine.gear = 3
+    settled = len(loop.commands)
+    loop.engaged(1.2, 20.0)
+    assert abs(np.diff(loop.currents[settled:])).max() <= 600.0 * FRAME_S + 1e-9
+    assert loop.speeds[-1] == pytest.approx(1.2, abs=0.005)
+
+
+@pytest.mark.parametrize("share", [1.0, 0.0])
+def test_the_acceleration_in_a_pitch_sensor_is_not_fed_back(share):
+    """On level ground a model that knows slopes drives as one that doesn't, whatever of the acceleration is shown."""
+
+    def driven(model: Model, shown: float) -> np.ndarray:
+        loop = Loop(Machine(), model).by_hand(700.0, 20.0)
+        step, before = loop.machine.step, [loop.machine.speed_mps]
+
+        def pitching(current_ma: float) -> Sample:
+            sample = step(current_ma)
+            accel_mps2 = (sample.speed_mps - before[0]) / FRAME_S
+            before[0] = sample.speed_mps
+            pitch_deg = math.degrees(math.asin(shown * accel_mps2 / 9.81))
+            return replace(sample, signals={**sample.signals, "pitch_deg": pitch_deg})
+
+        loop.machine.step = pitching
+        loop.sample = loop.machine.step(700.0)
+        return loop.engaged(1.2, 10.0).engaged(1.7, 15.0).currents
+
+    knows = Model(PERIOD_S, 1, 3, 2, (*EFFECTS, Grade(0.0, share, 0.4)), (0.4, 2e-4, 8e-4, 8e-4, 0.06, 0.02))
+    assert np.abs(driven(knows, share) - driven(MODEL, 0.0)).max() < 6.0
+
+
+def test_an_engine_that_gives_way_to_the_drive_itself_is_no_trend():
+    """400 rpm per m/s2, an engine at its limit: what the trend of it would add comes when it is back already."""
+    loop = Loop(Machine()).by_hand(700.0, 20.0)
+    step, before = loop.machine.step, [loop.machine.speed_mps]
+
+    def drooping(current_ma: float) -> Sample:
+        sample = step(current_ma)
+        accel_mps2 = (sample.speed_mps - before[0]) / FRAME_S
+        before[0] = sample.speed_mps
+        loop.machine.rpm += 0.2 * (2100.0 - 400.0 * accel_mps2 - loop.machine.rpm)
+        return sample
+
+    loop.machine.step = drooping
+    loop.engaged(1.2, 10.0).engaged(1.8, 15.0)
+    assert max(loop.speeds) - 1.8 < 0.11
+
+
+def test_the_observer_knows_the_pace_of_a_gear():
+    loop = Loop(Machine(gear=4)).by_hand(700.0, 60.0)  # at rest, where nothing tells how fast the drive is
+    controller, pace = loop.controller, (2.5 / 7.5) ** 2
+    before_mps = controller.observer.disturbance_mps
+    controller.step(replace(loop.sample, speed_mps=loop.sample.speed_mps + 0.05), None)
+    gain = controller.observer.filter(controller.pole, pace).gain[1]
+    learned_mps = controller.observer.disturbance_mps - before_mps
+    assert learned_mps == pytest.approx(gain * controller.observer.calm * controller.observer.innovation_mps, rel=1e-3)
+
+
+def test_the_law_knows_the_pace_of_a_gear():
+    """A load in fourth gear: moves as dear as in second, where the same drive takes more current, cost 0.254 m/s."""
+    machine = Machine(gear=4)
+    loop = Loop(machine).by_hand(600.0, 30.0)
+    start_mps = machine.speed_mps
+    loop.engaged(start_mps, 10.0)
+    machine.load_mps -= 0.5
+    loop.engaged(start_mps, 15.0)
+    assert start_mps - min(loop.speeds) < 0.245

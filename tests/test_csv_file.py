@@ -1,0 +1,204 @@
+"""CSV files: what is written reads back equal, however it is written; bad ones say what is wrong and where."""
+
+import tempfile
+from pathlib import Path
+
+import hypothesis
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cruise.csv_file import read_csv, write_csv
+from cruise.recording import ColumnSettings, Recording, RecordingError, RecordingSettings
+from cruise.signals import INPUT, OUTPUT
+from tests.csv_files import PLAIN, csv_of, file_of, ramp
+
+
+def test_an_even_file_is_taken_as_it_is(tmp_path):
+    read = read_csv(csv_of(tmp_path, ramp()), PLAIN)
+    assert (read.dt_s, len(read), read.notes) == (0.1, 20, ())
+    np.testing.assert_allclose(read.time_s, 0.1 * np.arange(20), atol=1e-12)
+    np.testing.assert_allclose(read.input, 10.0 * np.arange(20), atol=1e-9)
+    np.testing.assert_allclose(read.output, 0.2 * np.arange(20), atol=1e-9)
+
+
+@given(
+    dt_s=st.sampled_from([0.01, 0.02, 0.03, 1 / 30, 0.05, 0.07, 0.1, 0.125, 0.2, 0.375, 1.0]),
+    start_s=st.floats(-1e4, 1e6),
+    values=st.lists(st.floats(-1e3, 1e3), min_size=10, max_size=30),
+)
+@hypothesis.settings(max_examples=50)
+def test_what_is_written_reads_back_equal(dt_s, start_s, values):
+    columns = {INPUT: np.array(values), OUTPUT: np.array(values[::-1]), "header_height_mm": np.array(values)}
+    written = Recording(start_s + dt_s * np.arange(len(values)), columns, dt_s, "made up")
+    with tempfile.TemporaryDirectory() as folder:
+        write_csv(written, Path(folder) / "drive.csv")
+        read = read_csv(Path(folder) / "drive.csv", PLAIN)
+    assert read.dt_s == pytest.approx(dt_s, rel=1e-5)
+    assert list(read.columns) == list(columns)
+    for name, expected in columns.items():
+        np.testing.assert_allclose(read.columns[name], expected, rtol=0, atol=1e-9)
+
+
+def test_what_was_not_measured_is_an_empty_cell(tmp_path):
+    values = np.ones(20)
+    values[3:10] = np.nan
+    write_csv(Recording(np.arange(20) * 0.1, {INPUT: values, OUTPUT: np.ones(20)}, 0.1, "x"), tmp_path / "f.csv")
+    assert "0.5,,1.0" in (tmp_path / "f.csv").read_text()
+    read = read_csv(tmp_path / "f.csv", PLAIN)
+    assert np.flatnonzero(np.isnan(read.input)).tolist() == [6, 7, 8, 9]  # held for 0.3 s, then stale
+    assert read.notes == (
+        "pump_current_ma: 7 of 20 cells hold no number, not measured",
+        "pump_current_ma: gap of 0.8 s at t=0.2 s",
+    )
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+def test_separators_blank_lines_and_spaces_do_not_matter(tmp_path, separator):
+    lines = ["time_s,pump_current_ma , ground_speed_mps", *ramp(), "", ""]
+    assert len(read_csv(file_of(tmp_path, "\r\n".join(lines).replace(",", separator)), PLAIN)) == 20
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+def test_a_file_of_plain_numbers_reads_as_one_that_is_quoted(tmp_path, separator):
+    """The two ways through the reader agree to the last bit, with empty cells anywhere."""
+    random = np.random.default_rng(6)
+    cells = [[f"{value!r}" for value in row] for row in random.normal(scale=1e3, size=(40, 4)).tolist()]
+    for k, row in enumerate(cells):
+        row[0] = f"{0.1 * k:.1f}"
+    for row, column in ((3, 1), (3, 2), (4, 3), (7, 1), (7, 2), (7, 3), (12, 0), (13, 2)):
+        cells[row][column] = ""
+    cells[20][3], cells[21][3], cells[22][3] = "nan", "inf", " 1e400"
+    names = ["time_s", INPUT, OUTPUT, "x"]
+    plain, quoted = tmp_path / "plain.csv", tmp_path / "quoted.csv"
+    plain.write_text("\n".join(separator.join(row) for row in [names, *cells]) + "\n")
+    quoted.write_text("\r\n".join(separator.join(f'"{cell}"' for cell in row) for row in [names, *cells]))
+    one, other = read_csv(plain, PLAIN), read_csv(quoted, PLAIN)
+    assert one.notes == other.notes
+    assert len(one.notes) == 4
+    np.testing.assert_array_equal(one.time_s, other.time_s)
+    for name in other.columns:
+        np.testing.assert_array_equal(one.columns[name], other.columns[name])
+
+
+@pytest.mark.parametrize("separator", [";", "\t"])
+def test_a_comma_that_separates_nothing_is_the_decimal_sign(tmp_path, separator):
+    rows = [row.replace(",", separator).replace(".", ",") for row in ramp()]
+    read = read_csv(csv_of(tmp_path, rows, separator.join(["time_s", INPUT, OUTPUT])), PLAIN)
+    assert (read.dt_s, read.notes) == (0.1, ())
+    np.testing.assert_allclose(read.output, 0.2 * np.arange(20), atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("stamp", "start_s"),
+    [
+        ("2026-08-01T08:59:{:06.3f}Z", 1785574740.0),
+        ("2026-08-01 08:59:{:012.9f}+02", 1785574740.0),
+        ("2026-08-01 08:59:{:06.3f}", 1785574740.0),
+        ("2026-08-01T08:59:{:06.3f}+02:00", 1785574740.0),
+    ],
+)
+def test_times_can_be_stamps(tmp_path, stamp, start_s):
+    rows = [f"{stamp.format(0.1 * k)},{k},1" for k in range(20)]
+    rows[4] = rows[4].replace("2026", "now")
+    read = read_csv(csv_of(tmp_path, rows, "Time,pump_current_ma,ground_speed_mps"), RecordingSettings(time="Time"))
+    np.testing.assert_allclose(read.time_s, start_s + 0.1 * np.arange(20), atol=1e-5)
+    assert read.notes[0] == "1 rows have no time, left out"
+    path = csv_of(tmp_path, [*rows, "2026-13-01 00:00:00,1,1"], "Time,pump_current_ma,ground_speed_mps")
+    mapped = RecordingSettings(columns={"Time": ColumnSettings(signal="time_s")})
+    np.testing.assert_array_equal(read_csv(path, mapped).time_s, read.time_s)
+
+
+def test_times_in_ms_get_a_scale(tmp_path):
+    path = csv_of(tmp_path, ramp(20, 100.0), "ms,pump_current_ma,ground_speed_mps")
+    read = read_csv(path, RecordingSettings(time="ms", columns={"ms": ColumnSettings(scale=0.001)}))
+    assert (read.dt_s, len(read)) == (0.1, 20)
+
+
+def test_bad_cells_and_rows_are_counted_not_taken(tmp_path):
+    rows = ramp()
+    rows[3] = "0.3,n/a,nan"
+    rows[5] = "0.5,inf,1.0"
+    rows[7] = ",70,1.4"
+    rows[9] = "0.9,90"
+    rows.insert(12, rows[12])
+    rows[-1] = "1.9"  # cut off while it was written
+    read = read_csv(csv_of(tmp_path, rows), PLAIN)
+    assert len(read) == 20
+    np.testing.assert_allclose(read.output[:19], 0.2 * np.arange(19), atol=1e-9)
+    assert read.notes == (
+        "1 rows have no time, left out",
+        "1 rows repeat the time of the next one, left out",
+        "pump_current_ma: 3 of 19 cells hold no number, not measured",
+        "ground_speed_mps: 3 of 19 cells hold no number, not measured",
+    )
+
+
+def changed(rows: list[str], index: int, row: str) -> list[str]:
+    return [*rows[:index], row, *rows[index + 1 :]]
+
+
+@pytest.mark.parametrize(
+    ("header", "rows", "expected"),
+    [
+        (
+            "time_s,current,ground_speed_mps",
+            ramp(),
+            "drive.csv:1: no column 'pump_current_ma' for input; did you mean 'current'?",
+        ),
+        ("time_s,current,ground_speed_mps", ramp(), "--input NAME, or input: NAME in the file of --columns"),
+        (
+            "time_s,pump_current_ma,v",
+            ramp(),
+            "for output; it has time_s, pump_current_ma, v; choose with --output NAME",
+        ),
+        ("time_s,pump_current_ma,ground_sped_mps", ramp(), "did you mean 'ground_sped_mps'?"),
+        ("t,pump_current_ma,ground_speed_mps", ramp(), "no column 'time_s' for time"),
+        ("t,pump_current_ma,ground_speed_mps", ramp(), "choose with time: NAME in the file of --columns"),
+        ("time_s,pump_current_ma,pump_current_ma", ramp(), "several columns are named pump_current_ma"),
+        ("0.0,1.0,2.0", ramp(), "drive.csv:1: no header line"),
+        ("", [], "drive.csv:1: no header line"),
+        (None, changed(ramp(), 7, "0.55,70,1.4"), "drive.csv:9: time runs backwards, from 0.6 s to 0.55 s; split"),
+        (None, changed(ramp(), 7, "0.7,70,1.4,9"), "drive.csv:9: 4 cells, but the header names 3 columns"),
+        ("Logger X200", ["", "time_s,pump_current_ma", *ramp()], "the first line has to be the header"),
+        (None, [f"09:00:{k:02d},1,1" for k in range(20)], "drive.csv:2: no row has a time; let the time column hold"),
+        (None, ramp(20, 50.0), "one row every 50 s is too few to see a drive move; times in ms get a scale"),
+        (None, ramp(9), "9 usable rows are too few; a recording needs 10 at least"),
+        (None, [], "0 usable rows are too few"),
+        (None, [f"{k / 10},x,1" for k in range(20)], "pump_current_ma holds no number at all; choose another column"),
+        (None, [*ramp(), "1e9,1,1"], "samples of 0.1 s, too many; the longest step is at 1.9 s"),
+    ],
+)
+def test_a_file_that_cannot_be_used_says_why(tmp_path, header, rows, expected):
+    path = csv_of(tmp_path, rows) if header is None else csv_of(tmp_path, rows, header)
+    with pytest.raises(RecordingError) as caught:
+        read_csv(path, PLAIN)
+    assert expected in str(caught.value)
+
+
+def test_files_that_are_not_there_or_not_text(tmp_path):
+    with pytest.raises(RecordingError, match="no such file"):
+        read_csv(tmp_path / "none.csv", PLAIN)
+    with pytest.raises(RecordingError, match="Is a directory"):
+        read_csv(tmp_path, PLAIN)
+    (tmp_path / "f.csv").write_bytes(b"time_s,\n\xff\xfe\n")
+    with pytest.raises(RecordingError, match=r"f\.csv:2: not UTF-8.*save it again as CSV in UTF-8"):
+        read_csv(tmp_path / "f.csv", PLAIN)
+    (tmp_path / "f.csv").write_bytes(b"PK\x03\x04\0\0\n")
+    with pytest.raises(RecordingError, match="binary data; export"):
+        read_csv(tmp_path / "f.csv", PLAIN)
+
+
+@hypothesis.settings(max_examples=200)
+@given(
+    st.lists(st.lists(st.sampled_from(["", "0", "1", "x", "nan", "-1", "1e9", '"', "0.1"]), max_size=4), max_size=15)
+)
+def test_any_rows_give_a_recording_or_a_recording_error(rows):
+    with tempfile.TemporaryDirectory() as folder:
+        path = csv_of(Path(folder), [",".join(row) for row in rows])
+        try:
+            read = read_csv(path, PLAIN)
+        except RecordingError:
+            return
+    assert len(read) >= 10

@@ -1,0 +1,115 @@
+"""Columns are named, scaled and chosen by settings; those that do not fit the file say so."""
+
+import msgspec
+import numpy as np
+import pytest
+
+from cruise.csv_file import read_csv
+from cruise.recording import ActiveWhen, ColumnSettings, RecordingError, RecordingSettings
+from cruise.signals import INPUT, OUTPUT
+from tests.csv_files import PLAIN, csv_of, ramp
+
+
+@pytest.mark.parametrize(("most", "unit", "scale"), [(1.0, "a share of all", 1000.0), (95.0, "per cent", 10.0)])
+def test_an_input_that_is_no_current_counts_as_a_share_of_one(tmp_path, most, unit, scale):
+    """Bounds and starts of the effects are in mA: a stop at 0.9 of the pedal would be below all of them."""
+    rows = [f"{0.1 * k:.1f},{most * k / 40:.6g},{k / 10:.6g}" for k in range(41)]
+    file = csv_of(tmp_path, rows, "time_s,pedal,ground_speed_mps")
+    read = read_csv(file, RecordingSettings(input="pedal"))
+    np.testing.assert_allclose(read.input, scale * most * np.arange(41) / 40, rtol=1e-5)
+    assert f"read as {unit}, all of it as 1000 mA" in read.notes[0]
+    assert "columns: {pedal: {scale: 1}}" in read.notes[0]
+    said = RecordingSettings(input="pedal", columns={"pedal": ColumnSettings(scale=1.0)})
+    np.testing.assert_allclose(read_csv(file, said).input, most * np.arange(41) / 40, rtol=1e-5)
+    named = csv_of(tmp_path, rows, "time_s,pump_current_ma,ground_speed_mps")
+    np.testing.assert_allclose(read_csv(named, PLAIN).input, most * np.arange(41) / 40, rtol=1e-5)
+
+
+def test_a_current_under_another_name_is_taken_as_it_is(tmp_path):
+    rows = [f"{0.1 * k:.1f},{20 * k},{k / 10}" for k in range(41)]
+    read = read_csv(csv_of(tmp_path, rows, "time_s,I_pump,ground_speed_mps"), RecordingSettings(input="I_pump"))
+    assert read.notes == ()
+    assert read.input[-1] == 800.0
+
+
+def test_columns_are_named_scaled_and_gated(tmp_path):
+    settings = RecordingSettings(
+        time="ms",
+        input="u",
+        output="v",
+        columns={
+            "ms": ColumnSettings(scale=0.001),
+            "u": ColumnSettings(scale=1000.0, offset=10.0),
+            "rpm": ColumnSettings(signal="engine_speed_rpm", scale=0.125),
+        },
+        active_when=ActiveWhen(column="safe", above=0.5),
+    )
+    rows = [f"{100 * k},0.5,1.5,16800,{'' if k == 15 else int(k >= 5)},x{k}" for k in range(20)]
+    read = read_csv(csv_of(tmp_path, rows, "ms,u,v,rpm,safe,remark"), settings)
+    np.testing.assert_allclose(read.input[:15], [0.0] * 5 + [510.0] * 10)
+    assert read.input[15] == 510.0  # the cell without a flag is not measured; the value before it is held
+    assert set(read.columns) == {INPUT, OUTPUT, "engine_speed_rpm", "safe"}
+    assert set(read.context()) == {"engine_speed_rpm"}
+    assert read.context()["engine_speed_rpm"][0] == 2100.0
+    assert read.notes == (
+        "safe: 1 of 20 cells hold no number, not measured",
+        "remark: holds no number, left out",
+        "input set to 0 in 5 of 20 rows: safe is not above 0.5",
+    )
+
+
+def test_the_mapping_alone_says_what_time_input_and_output_are(tmp_path):
+    settings = RecordingSettings(
+        columns={
+            "ms": ColumnSettings(signal="time_s", scale=0.001),
+            "amps": ColumnSettings(signal=INPUT, scale=1000.0),
+            "kmh": ColumnSettings(signal=OUTPUT, scale=1 / 3.6),
+            "wheel": ColumnSettings(signal="wheel_speed_mps", scale=1 / 3.6, offset=0.5),
+        }
+    )
+    path = csv_of(tmp_path, [f"{100 * k},0.5,{3.6 * k},7.2,{k}" for k in range(20)], "ms,amps,kmh,wheel,mystery")
+    read = read_csv(path, settings)
+    assert read.dt_s == 0.1
+    np.testing.assert_allclose(read.input, 500.0)
+    np.testing.assert_allclose(read.output, np.arange(20), atol=1e-9)
+    assert set(read.context()) == {"wheel_speed_mps"}
+    np.testing.assert_allclose(read.columns["wheel_speed_mps"], 2.5)
+    np.testing.assert_allclose(read.columns["mystery"], np.arange(20))  # what nobody named stays
+    other = read_csv(path, msgspec.structs.replace(settings, output="wheel_speed_mps"))
+    np.testing.assert_allclose(other.output, 2.5)  # a mapped name can be chosen, too
+    np.testing.assert_allclose(other.columns["recorded_ground_speed_mps"], np.arange(20), atol=1e-9)
+    twice = {**settings.columns, "wheel": ColumnSettings(signal=OUTPUT)}
+    with pytest.raises(RecordingError, match="two columns would be ground_speed_mps; one of them is 'wheel'"):
+        read_csv(path, msgspec.structs.replace(settings, columns=twice))
+
+
+def test_a_column_that_is_mapped_onto_one_that_is_there_is_refused(tmp_path):
+    path = csv_of(tmp_path, [f"{row},3" for row in ramp()], "time_s,pump_current_ma,ground_speed_mps,kmh")
+    settings = RecordingSettings(columns={"kmh": ColumnSettings(signal=OUTPUT)})
+    with pytest.raises(RecordingError, match="two columns would be ground_speed_mps; one of them is 'kmh'"):
+        read_csv(path, settings)
+
+
+def test_another_output_leaves_the_recorded_speed_in_place(tmp_path):
+    path = csv_of(
+        tmp_path,
+        [f"{row},{k}" for k, row in enumerate(ramp())],
+        "time_s,pump_current_ma,ground_speed_mps,wheel_speed_mps",
+    )
+    read = read_csv(path, RecordingSettings(output="wheel_speed_mps"))
+    np.testing.assert_allclose(read.output, np.arange(20))
+    np.testing.assert_allclose(read.columns["recorded_ground_speed_mps"], 0.2 * np.arange(20), atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("settings", "expected"),
+    [
+        (RecordingSettings(columns={"gaer": ColumnSettings()}), "'gaer' for columns.*; correct it in the file of"),
+        (RecordingSettings(active_when=ActiveWhen(column="safe")), "no column 'safe' for active_when"),
+        (RecordingSettings(columns={"time_s": ColumnSettings(scale=0.0)}), "1 usable rows are too few"),
+        (RecordingSettings(input="ground_speed_mps", output="ground_speed_mps"), "both input and output"),
+    ],
+)
+def test_settings_that_do_not_fit_the_file_say_so(tmp_path, settings, expected):
+    with pytest.raises(RecordingError, match=expected):
+        read_csv(csv_of(tmp_path, ramp()), settings)

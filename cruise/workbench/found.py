@@ -222,6 +222,7 @@ class Diagnosed:
     signals: tuple[str, ...]
     sentence: str
     next_experiment: tuple[str, ...]
+    late: str  # what to do where the dead time is much longer than the model's; or empty
     hidden_mps: float  # what an effect could move the speed by without being named
     cards: tuple[Card, ...]
     others: tuple[tuple[str, float, float], ...]  # further effects with the error that each leaves, and its gain

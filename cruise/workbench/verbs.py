@@ -158,6 +158,7 @@ def diagnosed(recordings: Sequence[Recording], question: Question, show: Show) -
         signals=found.signals,
         sentence=diagnosis.sentence(found).replace("`", ""),
         next_experiment=tuple(one.replace("`", "") for one in diagnosis.experiments(found)),
+        late=diagnosis.late(found),
         hidden_mps=math.sqrt(diagnosis.hidden_share(found)) * before,
         cards=tuple(cards.card(found, one) for one in shown),
         others=tuple(

@@ -1,12 +1,14 @@
 """What the page says where the answer is not one effect: nothing, something that is not listed, one of several."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from cruise.csv_file import write_csv
 from cruise.recording import Recording
+from cruise.signals import INPUT
 from tests.validation.driving import drive, wander
 from tests.workbench.conftest import laid_out
 from tests.workbench.test_walk import go, idle
@@ -21,6 +23,12 @@ GAIN = 1.0 - 0.08 * wander(SAMPLES, DT_S, 21, 1.0, 5.0)
 def nothing() -> Recording:
     """The pitch moves and does nothing."""
     return drive(SECONDS, 4, DT_S, columns={"pitch_deg": PITCH, "header_height_mm": HEADER})
+
+
+def late() -> Recording:
+    """Nothing but half a second more of dead time."""
+    one = nothing()
+    return replace(one, columns=dict(one.columns) | {INPUT: np.append(one.input[5:], np.full(5, one.input[-1]))})
 
 
 def unlisted() -> Recording:
@@ -59,6 +67,13 @@ def test_nothing_is_missing_says_what_could_have_hidden(visit, tmp_path):
     assert page.locator("[data-add]:visible").count() == 0, "nothing to add before one looks into a candidate"
     page.locator("[aria-expanded=false]").first.click()
     page.get_by_text("The evidence does not ask for it.").first.wait_for()
+    laid_out(page)
+
+
+def test_a_dead_time_that_the_models_taps_have_to_hold_is_said(visit, tmp_path):
+    page = visit()
+    assert asked(page, late(), tmp_path) == "nothing"
+    page.get_by_text(re.compile(r"The dead time is 0\.\d+ s, and the model's is 0\.5 s")).wait_for()
     laid_out(page)
 
 

@@ -107,6 +107,9 @@ def _verdict(page: Page, found: Diagnosed) -> None:
                 f"{speed(found.hidden_mps)} m/s RMS would not have been named. The candidates below came nearest; none "
                 "is to be believed."
             ).classes("measure")
+    if found.late:
+        with card("The dead time"):
+            ui.label(f"{found.late[:1].upper()}{found.late[1:]}.").classes("measure")
     if found.verdict in ("unlisted", "ambiguous") and found.next_experiment:
         with card("The drive that tells"):
             for sentence in found.next_experiment:

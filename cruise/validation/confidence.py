@@ -26,7 +26,7 @@ from cruise.validation.tried import (
 
 LEAST_FORETOLD: Final = 0.15  # of the first loss, that the catch-all must foretell for something to be missing,
 LEAST_BESIDE: Final = 0.25  # and of what the named effects explain, for them to be no more than substitutes
-LEAST_UNTOLD: Final = 5.0  # RMS of the error over the noise, from which no soil explains it where nothing foretells it
+LEAST_UNTOLD: Final = 3.5  # RMS of the error over the noise, from which no soil explains it where nothing foretells it
 MOST_LEFT: Final = 0.6  # of what could be explained: with less, it may be the wrong form of what was found,
 ABOVE: Final = 4.0  # loss over the noise, likewise
 CURVES: Final[Mapping[str, tuple[float, float]]] = {

@@ -21,6 +21,8 @@ from cruise.validation.tried import (
     FEW,
     LEAST_GAIN,
     LOOSE,
+    MUCH,
+    RESISTANCE,
     SOME,
     SURE,
     Step,
@@ -160,6 +162,8 @@ def _further(one: Tried, step: Step, before: Judged, chosen: Sequence[str]) -> b
     rest = one.sureness >= BEYOND_DOUBT and share_of_all(one, step) >= ALL_OF_IT
     hidden = rest and one.gain >= MOST and one.name not in DYNAMICS  # a far larger one hid it
     if share < least_share(one.name, chosen) and not hidden:
+        return False
+    if one.name in RESISTANCE and one.gain < MUCH and one.sureness < BEYOND_DOUBT:  # soil comes and goes
         return False
     evidence, least, much = PLAINLY
     if one.gain >= least and one.sureness >= SURE and (share >= much or rest):

@@ -15,6 +15,7 @@ from cruise.validation.tried import (
     BEYOND_DOUBT,
     FEW,
     LEAST_GAIN,
+    MUCH,
     RARE,
     RESISTANCE,
     RESISTS,
@@ -136,6 +137,22 @@ def test_what_takes_all_that_is_left_above_the_noise_is_a_further_effect_though_
     assert further(0.045, 1.1 * BEYOND_DOUBT), "94 % of what is left above the noise"
     assert not further(0.045, 0.9 * BEYOND_DOUBT), "not sure beyond doubt"
     assert not further(0.06, 1.1 * BEYOND_DOUBT), "three quarters may be a wrong form's"
+
+
+def test_a_further_friction_must_be_beyond_doubt_where_soil_may_pass_for_it(dead_zone):
+    before, last = dead_zone.steps[-2].before, dead_zone.steps[-1]
+    present = replace(before, raw=0.3 * before.raw)
+
+    def further(name: str, sureness: float, gain: float = 0.9 * MUCH) -> bool:
+        one = replace(last.tried[0], name=name, gain=gain, evidence=120.0, sureness=sureness, credit=1.0)
+        one = replace(one, judged=replace(before, raw=(1.0 - gain) * present.raw))
+        return selection._further(one, replace(last, before=present), before, ("dead_zone",))
+
+    for name in RESISTANCE:
+        assert further(name, 1.1 * BEYOND_DOUBT)
+        assert not further(name, 0.9 * BEYOND_DOUBT)
+        assert further(name, 0.9 * BEYOND_DOUBT, 1.1 * MUCH), "no soil takes so much"
+    assert further("grade", 0.9 * BEYOND_DOUBT)
 
 
 def test_what_a_far_larger_effect_hid_is_a_further_one_but_no_dynamics(dead_zone):

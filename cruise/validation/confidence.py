@@ -19,6 +19,7 @@ from cruise.validation.tried import (
     asked,
     asked_alone,
     share_of_all,
+    soil_short,
     step_of,
     tried_in,
     whole,
@@ -116,5 +117,7 @@ def _short(found: Selected) -> list[float]:
     if found.chosen and not last.taken:
         loss = found.steps[-2].before.loss
         shares = [(last.before.loss - one.judged.loss) / loss / least_share(one.name, found.chosen) for one in rest]
-        short = [max(one, 1.0 - share) for one, share in zip(short, shares, strict=True)]
+        short = [
+            max(so_far, 1.0 - share, soil_short(one)) for so_far, share, one in zip(short, shares, rest, strict=True)
+        ]
     return [enough * one for one in short]

@@ -21,8 +21,6 @@ from cruise.validation.tried import (
     FEW,
     LEAST_GAIN,
     LOOSE,
-    MUCH,
-    RESISTANCE,
     SOME,
     SURE,
     Step,
@@ -34,6 +32,7 @@ from cruise.validation.tried import (
     held_out,
     may_be_soil,
     share_of_all,
+    soil_short,
     tried_in,
     whole,
 )
@@ -163,7 +162,7 @@ def _further(one: Tried, step: Step, before: Judged, chosen: Sequence[str]) -> b
     hidden = rest and one.gain >= MOST and one.name not in DYNAMICS  # a far larger one hid it
     if share < least_share(one.name, chosen) and not hidden:
         return False
-    if one.name in RESISTANCE and one.gain < MUCH and one.sureness < BEYOND_DOUBT:  # soil comes and goes
+    if soil_short(one) > 0.0:
         return False
     evidence, least, much = PLAINLY
     if one.gain >= least and one.sureness >= SURE and (share >= much or rest):

@@ -106,6 +106,12 @@ def may_be_soil(one: Tried) -> bool:
     return _like_soil(one) and one.counted < asked_alone(one) and one.sureness < ANYHOW
 
 
+def soil_short(one: Tried) -> float:
+    """How far a friction beside other effects is from being beyond doubt (0..1): soil comes and goes."""
+    asked_for = one.name in RESISTANCE and one.gain < MUCH
+    return max(1.0 - max(one.sureness, 0.0) / BEYOND_DOUBT, 0.0) if asked_for else 0.0
+
+
 def _like_soil(one: Tried) -> bool:
     return one.name in RESISTANCE and one.gain < FEW
 

@@ -18,21 +18,23 @@ from cruise.validation.confidence import (
     untold,
 )
 from cruise.validation.diagnose import Verdict
-from cruise.validation.tried import ENOUGH, RESISTS, asked
+from cruise.validation.tried import BEYOND_DOUBT, ENOUGH, RESISTS, asked
 
 
 def test_what_is_far_from_the_share_of_a_further_effect_leaves_no_doubt(dead_zone):
     last = dead_zone.steps[-1]
     rest = next(one for one in last.tried if not one.name.startswith(UNNAMED))
 
-    def margin(share: float) -> float:
+    def margin(share: float, name: str = "grade", sureness: float = 9.0) -> float:
         left = replace(last.before, raw=last.before.raw - share * dead_zone.steps[-2].before.raw)
-        much = replace(rest, evidence=500.0, gain=0.3, credit=1.0, judged=left)
+        much = replace(rest, name=name, evidence=500.0, gain=0.3, credit=1.0, sureness=sureness, judged=left)
         found = selection.Selected((*dead_zone.steps[:-1], replace(last, tried=(much,))), dead_zone.effects, left, ())
         return margin_of_the_end(found)
 
     assert margin(0.5 * selection.LEAST_SHARE) == pytest.approx(0.5 * selection.FURTHER)
     assert margin(2.0 * selection.LEAST_SHARE) == LEAST_MARGIN
+    soil = margin(2.0 * selection.LEAST_SHARE, "rolling_resistance", 0.6 * BEYOND_DOUBT)
+    assert soil == pytest.approx(0.4 * selection.FURTHER), "as far from being beyond doubt as soil is"
 
 
 def test_nothing_is_the_surer_the_further_from_what_is_asked_of_the_first_effect(nothing):

@@ -2,7 +2,7 @@
 
     f(u) = u (1 + q s) / (1 + r s^2),   s = |u| / u_ref
 
-u current beyond the dead zone in mA, u_ref = 1000 mA, q curvature and r flattening, both without unit: r = 0 is the
+u current beyond the dead zone in mA, u_ref = 1000 mA, q curvature and r bend, both without unit: r = 0 is the
 parabola of section IV.C of Coen et al. 2005 ("in between there seems to be a quadratic relationship between input
 current and ground speed"). A servo that is metered by a half bridge follows x^2 / (1 + x^2), x its opening over that
 of the fixed orifice: a parabola that bends back as x nears 1, which is f for a large q, with r = x^2 at u_ref. Source:
@@ -21,7 +21,7 @@ REFERENCE_MA: Final = 1000.0  # mA, makes the curvature a number of order one
 
 @dataclass(frozen=True, slots=True)
 class QuadraticGain(Effect):
-    """f(u) = u (1 + curvature s) / (1 + flattening s^2) in mA, s = |u| / 1000 mA; odd, for both directions."""
+    """f(u) = u (1 + curvature s) / (1 + bend s^2) in mA, s = |u| / 1000 mA; odd, for both directions."""
 
     name = "quadratic_gain"
     stage = Stage.COMMAND
@@ -30,7 +30,7 @@ class QuadraticGain(Effect):
         "curvature": Parameter(
             "-", -0.4, 10.0, 0.0, "growth of the gain with the current, per 1000 mA, at low currents"
         ),
-        "flattening": Parameter("-", 0.0, 4.0, 0.0, "how soon the curve bends back; 0 is a parabola"),
+        "bend": Parameter("-", 0.0, 4.0, 0.0, "how soon the curve bends back; 0 is a parabola"),
     }
     about: ClassVar = About(
         physics="Spool geometry, the spring's characteristic and the flow forces make the servo's stroke a curved "
@@ -44,18 +44,18 @@ class QuadraticGain(Effect):
     )
 
     curvature: float = 0.0
-    flattening: float = 0.0
+    bend: float = 0.0
 
     def step(self, value: Value, past_speed: Value, signals: Signals, state: State, dt_s: float) -> tuple[Value, State]:
         """The curved characteristic."""
         share = abs(value) / REFERENCE_MA
-        return value * (1.0 + self.curvature * share) / (1.0 + self.flattening * share * share), state
+        return value * (1.0 + self.curvature * share) / (1.0 + self.bend * share * share), state
 
     def inverse(self, value: float, signals: Signals, state: State) -> Inverse:
         """The root of the quadratic equation on the rising branch; refused beyond its vertex."""
         # s + q s^2 = w (1 + r s^2) is (q - r w) s^2 + s - w = 0, with w = |v| in units of the reference.
         wanted = abs(value) / REFERENCE_MA
-        discriminant = 1.0 + 4.0 * (self.curvature - self.flattening * wanted) * wanted
+        discriminant = 1.0 + 4.0 * (self.curvature - self.bend * wanted) * wanted
         if discriminant < 0.0:
             return Inverse(math.nan, math.nan, refused=f"no current gives {value:.0f} mA of drive: beyond the vertex")
         # This form of the root has no cancellation for small q and gives u = v for q = r = 0.

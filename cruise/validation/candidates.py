@@ -100,7 +100,7 @@ class EffectCandidate:
         elif self.name == "hysteresis":
             known = {"share": HELD}
         elif self.name == "quadratic_gain":  # a parabola at first
-            known = {"flattening": 0.0}
+            known = {"bend": 0.0}
         else:
             known = dict(self.known)
         for share in SHARES if shapes and self.name != "gear_ratio" else SHARES[:1]:

@@ -31,9 +31,9 @@ def test_quadratic_gain():
     assert QuadraticGain(0.5).step(400.0, 0.0, {}, None, 0.2)[0] == pytest.approx(400 * (1 + 0.5 * 0.4))
 
 
-@pytest.mark.parametrize(("curvature", "flattening"), [(1.8, 0.6), (10.0, 1.0), (-0.2, 0.1), (0.0, 0.5)])
-def test_a_flattened_curve_is_odd_and_undone_by_its_inverse(curvature, flattening):
-    effect = QuadraticGain(curvature, flattening)
+@pytest.mark.parametrize(("curvature", "bend"), [(1.8, 0.6), (10.0, 1.0), (-0.2, 0.1), (0.0, 0.5)])
+def test_a_flattened_curve_is_odd_and_undone_by_its_inverse(curvature, bend):
+    effect = QuadraticGain(curvature, bend)
     current_ma = np.linspace(-1200.0, 1200.0, 49)
     drive_ma = effect.step(current_ma, 0.0, {}, None, 0.2)[0]
     assert (np.diff(drive_ma) > 0.0).all()

@@ -56,9 +56,9 @@ class PlausibilitySettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unk
     # m/s within 0.2 s that no command explains, half of it within 0.1 s: 1.5 m/s2; rolling freely on 5 degrees is 0.17,
     # noise makes 0.15 and 0.08
     jump_mps: Positive = 0.3
-    # m/s within 0.4 s more than in the 0.4 s before: a force of 0.4 m/s2 that comes at once; a hill of 8 degrees that
+    # m/s within 0.4 s more than in the 0.4 s before: a force of 0.45 m/s2 that comes at once; a hill of 8 degrees that
     # comes within 2.5 s makes 0.09, and noise 0.07
-    force_mps: Positive = 0.16
+    force_mps: Positive = 0.18
     force_share: Positive = 0.5  # of how much the drive itself does so: twice what of its pace is not known (observer)
     behind_mps: Positive = 0.3  # m/s that the machine may be behind the reference
     crowd: Positive = 1.6  # of the frames of a message in the second before engaging: more is a second sender

@@ -190,7 +190,7 @@ class Engagement:
             "setpoint_lost": self._commanded and math.isnan(now.requested_mps),
             "setpoint_invalid": not settings.speed_min_mps <= target_mps <= settings.speed_max_mps,
             "implausible": bool(now.contradiction),
-            "overspeed": now.speed_mps - self._allowed_mps > settings.hill_mps(self._allowed_mps),
+            "overspeed": now.speed_mps - self._allowed_mps > settings.hill_mps(now.alpha),
             "reached": abs(now.speed_mps - target_mps) <= settings.reached_mps,
             "drive_signals_lost": not now.drive_signals_valid,
             "gear_changed": experiment is not None and now.gear != experiment.conditions.gear,

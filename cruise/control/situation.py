@@ -1,5 +1,6 @@
 """What is known at one instant, and what of it stands in the way of the controller or of an experiment."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Final
@@ -21,10 +22,9 @@ class EngagementSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unkno
     lever_moved_pct: Positive = 5.0  # %, change of the lever that means the operator wants it
     override_s: Positive = 1.0  # s that pedals and lever have to be left alone before an override is over
     reached_mps: Positive = 0.1  # m/s, speed to setpoint at which the take-over is done: 5 % of a usual speed
-    # m/s above what was wished while the machine can follow, and s/m times its square, as a hill acts on the gears by
-    # equation 12 of the paper; one of 8 degrees within 2.5 s adds 0.1 in first and 0.5 in third; more is no hill
-    overspeed_mps: Positive = 0.2
-    overspeed_spm: Positive = 0.05
+    # m/s above what was wished while the machine follows: a hill of 8 degrees within 2.5 s adds 0.1 in first gear, 0.2
+    # in second, 0.45 in third and 0.7 in fourth, times sqrt(alpha) of equation 12 of the paper 0.1 to 0.26
+    overspeed_mps: Positive = 0.3
     slowing_mps2: Positive = 0.2  # m/s2, a deceleration that every machine can follow, dead time and hill included
     coming_mps2: Positive = 1.0  # m/s2 that is on its way to the wheels: more is beyond what the law may do or can undo
     shifts_under_way: bool = False  # a gearbox that changes gear under load; with others a changed gear is an exit
@@ -32,9 +32,12 @@ class EngagementSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unkno
     def __post_init__(self) -> None:
         refuse_wide(self, WIDEST)
 
-    def hill_mps(self, wished_mps: float) -> float:
-        """What a hill may add to a speed that is wished."""
-        return self.overspeed_mps + self.overspeed_spm * max(wished_mps, 0.0) ** 2
+    def hill_mps(self, alpha: float) -> float:
+        """What a hill may add to a speed that is wished, in a gear that slows the drive down by alpha of equation 12.
+
+        The hill takes 1/alpha as much of the steady speed and comes as quickly; the law undoes sqrt(alpha) of that.
+        """
+        return self.overspeed_mps / math.sqrt(min(alpha, 1.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +61,7 @@ class Situation:
     brake: bool
     clutch: bool
     gear: float
+    alpha: float  # equation 12: 1 in the slow gears, less in those that a hill slows down more
     lever_pct: float
     speed_mps: float
     coming_mps2: float  # acceleration that the current has caused already and that has not come yet

@@ -249,7 +249,7 @@ class CruiseNode:
             disturbance_mps=controller.observer.disturbance_mps if controller.state is not None else math.nan,
             expected_mps=controller.observer.expected_mps,
             unexpected_mps=controller.observer.unexpected_mps,
-            alpha=controller.state.pace if controller.state is not None else 1.0,
+            alpha=self._alpha,
             crowding=self.hearing.crowding(frame.time_s),
             faulty_share=self.hearing.faulty_share,
             repeated=self.hearing.playback.repeated,
@@ -258,6 +258,12 @@ class CruiseNode:
             upset=controller.upset or controller.adopted is not self.supervisor.driving,
             pace=self.pace.slowness,
         )
+
+    @property
+    def _alpha(self) -> float:
+        """Pace of equation 12 in the gear of the last sample."""
+        state = self.controller.state
+        return state.pace if state is not None else 1.0
 
     def _situation(self, now_s: float) -> Situation:
         def on(name: str) -> bool:
@@ -281,6 +287,7 @@ class CruiseNode:
             brake=on("brake_pedal"),
             clutch=on("clutch_pedal"),
             gear=self._value("gear", now_s),
+            alpha=self._alpha,
             lever_pct=self._value("lever_pct", now_s),
             speed_mps=self._value(OUTPUT, now_s),
             coming_mps2=0.0 if self.engagement.state.controls else self.controller.coming_mps2,

@@ -21,6 +21,7 @@ READY = Situation(
     brake=False,
     clutch=False,
     gear=2.0,
+    alpha=1.0,
     lever_pct=40.0,
     speed_mps=1.1,
     coming_mps2=0.2,

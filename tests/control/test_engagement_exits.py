@@ -10,13 +10,14 @@ from cruise.control.situation import EngagementSettings
 from tests.control.situations import DRIVEN_AT_SETPOINT, READY, engaged, engaging
 
 
-def test_overspeed_is_more_than_a_hill_adds_and_that_is_more_in_a_fast_gear():
-    for wished_mps, least_mps, most_mps in ((1.4, 0.28, 0.32), (2.2, 0.4, 0.5), (3.6, 0.8, 0.9)):
-        for over_mps in (least_mps, most_mps):
-            engagement = engaged()
-            engagement.setpoint_mps = wished_mps
-            now = replace(READY, reference_mps=wished_mps, speed_mps=wished_mps + over_mps)
-            assert (engagement.step(now) is State.FAULT) is (over_mps == most_mps)
+def test_overspeed_is_more_than_a_hill_adds_and_that_is_more_in_a_fast_gear_not_at_a_high_setpoint():
+    for alpha, most_mps in ((1.0, 0.3), (0.33, 0.52), (0.118, 0.87), (1.5, 0.3)):  # what brakes quickly is no slow gear
+        for wished_mps in (1.6, 3.6):
+            for over_mps in (most_mps - 0.02, most_mps + 0.02):
+                engagement = engaged()
+                engagement.setpoint_mps = wished_mps
+                now = replace(READY, alpha=alpha, reference_mps=wished_mps, speed_mps=wished_mps + over_mps)
+                assert (engagement.step(now) is State.FAULT) is (over_mps > most_mps)
 
 
 EXITS = {

@@ -10,6 +10,7 @@ from cruise.effects import EFFECTS, Stage
 from cruise.report import evidence
 from cruise.report.evidence import SURE, Number
 from cruise.validation.candidates import MEDIATORS, UNNAMED
+from cruise.validation.confidence import FEWEST, in_moments
 from cruise.validation.diagnose import SEED, Diagnosis, Verdict
 from cruise.validation.search import Judged, sureness
 from cruise.validation.tried import LEAST_GAIN, LOOSE, Tried, step_of, tried_in
@@ -44,10 +45,14 @@ def sentence(found: Diagnosis) -> str:
                 noise = figure(math.sqrt(found.steps[0].background.noise))
                 partly = found.steps[0].taken
                 explained = "known effects explain less than half of that" if partly else "no known effect explains it"
+                great = f"is far above the noise of {noise} m/s"
+                if found.momentary:
+                    there = in_moments(found.final.fit.error_mps, found.study.period_s)
+                    great = f"stands by {100 * there:.0f} % of its square in {100 * FEWEST:.0f} % of the time"
+                what = "that acts in few moments" if found.momentary else "that nobody recorded"
                 return (
-                    f"Something is missing that nobody recorded: the error {horizon}, {before} m/s, is far above the "
-                    f"noise of {noise} m/s, {explained} for sure, and nothing that is recorded foretells it{rival} "
-                    f"{sure}."
+                    f"Something is missing {what}: the error {horizon}, {before} m/s, {great}, {explained} for sure, "
+                    f"and nothing that is recorded foretells it{rival} {sure}."
                 )
             if not found.explained:
                 by = f"most of it by {_all(found.signals)}" if found.signals else "by no one signal"

@@ -4,6 +4,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Final
 
+import numpy as np
+
 from cruise.effects import EFFECTS
 from cruise.validation.candidates import MEDIATORS, UNNAMED
 from cruise.validation.foretold import CHANCE, Foretold
@@ -28,6 +30,9 @@ from cruise.validation.tried import (
 LEAST_FORETOLD: Final = 0.15  # of the first loss, that the catch-all must foretell for something to be missing,
 LEAST_BESIDE: Final = 0.25  # and of what the named effects explain, for them to be no more than substitutes
 LEAST_UNTOLD: Final = 3.5  # RMS of the error over the noise, from which no soil explains it where nothing foretells it
+MOMENT_S: Final = 3.0  # s of a window of the error,
+FEWEST: Final = 0.05  # of which so many, the worst, hold of its square
+MOST_THERE: Final = 0.5  # at most where nothing is missing: noise has 0.1 there, soil up to 0.28
 MOST_LEFT: Final = 0.6  # of what could be explained: with less, it may be the wrong form of what was found,
 ABOVE: Final = 4.0  # loss over the noise, likewise
 CURVES: Final[Mapping[str, tuple[float, float]]] = {
@@ -56,16 +61,33 @@ def excess(hidden: Foretold, base: Judged, final: Judged) -> float:
     return min(hidden.share / CHANCE, hidden.loss / least)
 
 
-def untold(found: Selected, drift: float) -> float:
+def in_moments(error_mps: np.ndarray, period_s: float) -> float:
+    """How much of the squared error stands in the worst twentieth of the time.
+
+    Noise and soil are everywhere; a stop or a limit that is seldom reached errs there and nowhere else.
+    """
+    errors = error_mps[np.isfinite(error_mps)]
+    window = max(round(MOMENT_S / period_s), 1)
+    count = len(errors) // window
+    few = math.floor(FEWEST * count)
+    if not few:
+        return 0.0
+    squares = np.sort(np.square(errors[: count * window]).reshape(count, window).sum(axis=1))
+    return float(squares[-few:].sum() / squares.sum())
+
+
+def untold(found: Selected, drift: float, period_s: float) -> float:
     """How much of an error nothing explains or foretells, over what it may be where nothing more is missing.
 
-    Without effects that is its RMS over the noise; beside effects what they leave of all that could be explained,
-    (L - s^2) / (L_0 - s^2), L loss, s^2 noise: what leaves most of it is not what is missing. Of that the `drift` in
-    m2/s2 that a clock foretells is taken away first: soil has that, and hides no effect that explains the rest.
+    Without effects that is its RMS over the noise, or how much of it stands in few moments; beside effects what they
+    leave of all that could be explained, (L - s^2) / (L_0 - s^2), L loss, s^2 noise: what leaves most of it is not what
+    is missing. Of that the `drift` in m2/s2 that a clock foretells is taken away first: soil has that, and hides no
+    effect that explains the rest.
     """
     noise = found.steps[-1].background.noise
     if not found.chosen:
-        return math.sqrt(found.final.loss / noise) / LEAST_UNTOLD
+        there = in_moments(found.final.fit.error_mps, period_s)
+        return max(math.sqrt(found.final.loss / noise) / LEAST_UNTOLD, there / MOST_THERE)
     loss, before = (max(one.loss - drift, 0.0) for one in (found.final, found.steps[0].before))
     left = (loss - noise) / max(before - noise, noise)
     return min(max(left, 0.0) / MOST_LEFT, loss / noise / ABOVE)

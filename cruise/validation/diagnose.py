@@ -9,7 +9,7 @@ an error far above the noise that nothing foretells.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Final
 
@@ -17,7 +17,15 @@ import numpy as np
 
 from cruise.effects import EFFECTS
 from cruise.validation.candidates import MEDIATORS, UNNAMED, Refused
-from cruise.validation.confidence import answer_of, confidence_of, excess, margin_of_the_end, untold
+from cruise.validation.confidence import (
+    MOST_THERE,
+    answer_of,
+    confidence_of,
+    excess,
+    in_moments,
+    margin_of_the_end,
+    untold,
+)
 from cruise.validation.exchange import exchanged
 from cruise.validation.foretold import Foretold, foretold
 from cruise.validation.search import Judged
@@ -29,6 +37,10 @@ from cruise.validation.trying import Show
 SEED: Final = 20051  # of the bootstrap
 RECORD_MORE: Final = (
     "record what else could move the machine, such as slope, load, wind or soil, and drive the same again"
+)
+AGAIN: Final = (
+    "drive the moments again in which the error stands (`cruise compare` marks them), longer and more often, and "
+    "record what else could act there"
 )
 TWO: Final = 2  # effects between which an ambiguous verdict asks for an experiment, though more may look alike
 FARTHEST: Final = -50.0  # exponent of the share of doubt that falls on a candidate
@@ -89,6 +101,12 @@ class Diagnosis:
         silent = excess(self.hidden, self.base, self.final) <= 1.0
         return self.verdict is Verdict.UNLISTED and not self.explained and silent
 
+    @property
+    def momentary(self) -> bool:
+        """Whether nothing recorded shows what is missing, and it acts in few moments only."""
+        there = in_moments(self.final.fit.error_mps, self.study.period_s)
+        return self.untold and not self.steps[0].taken and there > MOST_THERE
+
 
 def diagnose(study: Study, show: Show = lambda text: None) -> Diagnosis:
     """Search, decide, and rank."""
@@ -99,7 +117,7 @@ def diagnose(study: Study, show: Show = lambda text: None) -> Diagnosis:
     show("what the recorded signals still foretell")
     hidden = _hidden(study, found)
     over = excess(hidden, base, final)
-    alone = 0.0 if found.curved or found.unrecorded or over > 1.0 else untold(found, hidden.drift)
+    alone = 0.0 if found.curved or found.unrecorded or over > 1.0 else untold(found, hidden.drift, study.period_s)
     unlisted = found.curved or found.unrecorded or max(over, alone) > 1.0
     places = () if unlisted else tuple(exchanged(study, name, found, rng, show) for name in named)
     alike = tuple((one.name, *one.alike) for one in places if one.alike)
@@ -128,7 +146,7 @@ def diagnose(study: Study, show: Show = lambda text: None) -> Diagnosis:
     else:
         words = EFFECTS[named[0]].about.experiment
     confidence = confidence_of(margin, answer_of(verdict, effects))
-    return Diagnosis(
+    said = Diagnosis(
         verdict=verdict,
         effects=effects,
         signals=signals,
@@ -145,6 +163,7 @@ def diagnose(study: Study, show: Show = lambda text: None) -> Diagnosis:
         refused=found.refused,
         study=study,
     )
+    return replace(said, next_experiment=AGAIN) if said.momentary else said
 
 
 def _likeliest(alike: Sequence[str], found: Selected) -> tuple[tuple[str, ...], Judged]:

@@ -12,13 +12,17 @@ from cruise.validation.confidence import (
     CURVES,
     LEAST_MARGIN,
     LEAST_UNTOLD,
+    MOST_THERE,
     answer_of,
     confidence_of,
+    in_moments,
     margin_of_the_end,
     untold,
 )
 from cruise.validation.diagnose import Verdict
 from cruise.validation.tried import BEYOND_DOUBT, ENOUGH, RESISTS, asked
+
+PERIOD_S = 0.2
 
 
 def test_what_is_far_from_the_share_of_a_further_effect_leaves_no_doubt(dead_zone):
@@ -60,16 +64,33 @@ def test_an_effect_that_leaves_more_of_what_could_be_explained_than_it_takes_is_
         final = replace(grade.final, raw=left * grade.base.loss / grade.final.loss * grade.final.raw)
         return selection.Selected((*grade.steps[:-1], replace(last, background=background)), grade.effects, final, ())
 
-    assert untold(selection.Selected(grade.steps, grade.effects, grade.final, ()), 0.0) < 0.2
-    assert untold(found_so(0.65, 0.1), 0.0) > 1.0
-    assert untold(found_so(0.5, 0.1), 0.0) < 1.0
-    assert untold(found_so(0.65, 0.4), 0.0) < 1.0, "most of that is noise"
+    assert untold(selection.Selected(grade.steps, grade.effects, grade.final, ()), 0.0, PERIOD_S) < 0.2
+    assert untold(found_so(0.65, 0.1), 0.0, PERIOD_S) > 1.0
+    assert untold(found_so(0.5, 0.1), 0.0, PERIOD_S) < 1.0
+    assert untold(found_so(0.65, 0.4), 0.0, PERIOD_S) < 1.0, "most of that is noise"
     alone = replace(found_so(0.65, 0.1), chosen=())
-    assert untold(alone, 0.0) == pytest.approx(np.sqrt(0.65 / 0.1) / LEAST_UNTOLD)
-    assert untold(alone, 0.5 * alone.final.loss) == untold(alone, 0.0), (
+    assert untold(alone, 0.0, PERIOD_S) == pytest.approx(np.sqrt(0.65 / 0.1) / LEAST_UNTOLD)
+    assert untold(alone, 0.5 * alone.final.loss, PERIOD_S) == untold(alone, 0.0, PERIOD_S), (
         "where nothing is found, a drift is worth a word"
     )
-    assert untold(found_so(0.65, 0.1), 0.4 * grade.base.loss) < 1.0, "soil that wanders hides no effect"
+    assert untold(found_so(0.65, 0.1), 0.4 * grade.base.loss, PERIOD_S) < 1.0, "soil that wanders hides no effect"
+
+
+def test_an_error_that_stands_in_few_moments_is_neither_noise_nor_soil(nothing):
+    noise = np.random.default_rng(7).normal(size=3000)
+    assert in_moments(noise, PERIOD_S) < 0.15
+    assert in_moments(np.cumsum(noise[:600]), PERIOD_S) < MOST_THERE
+    moments = noise.copy()
+    moments[1000:1060] += 12.0  # 2 % of the time
+    assert in_moments(moments, PERIOD_S) > MOST_THERE
+    assert in_moments(np.append(moments, np.nan), PERIOD_S) == in_moments(moments, PERIOD_S)
+    assert in_moments(moments[:200], PERIOD_S) == 0.0, "too short to speak of a twentieth"
+
+    def so(error_mps: np.ndarray) -> float:
+        final = replace(nothing.final, fit=replace(nothing.final.fit, error_mps=error_mps))
+        return untold(selection.Selected(nothing.steps, (), final, ()), 0.0, PERIOD_S)
+
+    assert so(noise) < 1.0 < so(moments) == in_moments(moments, PERIOD_S) / MOST_THERE
 
 
 @pytest.mark.parametrize("answer", CURVES)

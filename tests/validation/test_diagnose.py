@@ -324,7 +324,20 @@ def test_an_error_far_above_the_noise_that_nothing_foretells_has_a_cause_that_no
     assert "Something is missing that nobody recorded" in sentence(one)
 
 
+def test_an_error_in_few_moments_has_a_cause_though_it_is_not_great():
+    at = np.zeros(SAMPLES)
+    at[np.random.default_rng(3).integers(0, SAMPLES, 2)] = 1.0
+    moments = np.convolve(at, np.ones(round(2.0 / DT_S)))[:SAMPLES].clip(0.0, 1.0)
+    one = found(load_mps=-0.3 * moments)
+    assert (one.verdict, one.effects, one.signals) == (Verdict.UNLISTED, (), ())
+    assert one.momentary
+    assert "drive the moments again" in one.next_experiment
+    assert "acts in few moments" in sentence(one)
+    assert "of its square in 5 % of the time" in sentence(one)
+
+
 def test_soil_that_nobody_recorded_is_no_effect():
     one = found(load_mps=wander(SAMPLES, DT_S, 13, 0.03, 4.0))
     assert one.verdict is Verdict.NOTHING
     assert not one.untold
+    assert not one.momentary

@@ -32,7 +32,8 @@ LEAST_BESIDE: Final = 0.25  # and of what the named effects explain, for them to
 LEAST_UNTOLD: Final = 3.5  # RMS of the error over the noise, from which no soil explains it where nothing foretells it
 MOMENT_S: Final = 3.0  # s of a window of the error,
 FEWEST: Final = 0.05  # of which so many, the worst, hold of its square
-MOST_THERE: Final = 0.5  # at most where nothing is missing: noise has 0.1 there, soil up to 0.28
+MOST_THERE: Final = 0.5  # at most where nothing is missing: noise has 0.1 there, soil up to 0.28;
+SEEN: Final = 1.5  # RMS of the error over the noise, likewise: with less it is hardly there
 MOST_LEFT: Final = 0.6  # of what could be explained: with less, it may be the wrong form of what was found,
 ABOVE: Final = 4.0  # loss over the noise, likewise
 CURVES: Final[Mapping[str, tuple[float, float]]] = {
@@ -70,7 +71,7 @@ def in_moments(error_mps: np.ndarray, period_s: float) -> float:
     window = max(round(MOMENT_S / period_s), 1)
     count = len(errors) // window
     few = math.floor(FEWEST * count)
-    if not few:
+    if not few or not errors.any():
         return 0.0
     squares = np.sort(np.square(errors[: count * window]).reshape(count, window).sum(axis=1))
     return float(squares[-few:].sum() / squares.sum())
@@ -86,8 +87,8 @@ def untold(found: Selected, drift: float, period_s: float) -> float:
     """
     noise = found.steps[-1].background.noise
     if not found.chosen:
-        there = in_moments(found.final.fit.error_mps, period_s)
-        return max(math.sqrt(found.final.loss / noise) / LEAST_UNTOLD, there / MOST_THERE)
+        times, there = math.sqrt(found.final.loss / noise), in_moments(found.final.fit.error_mps, period_s)
+        return max(times / LEAST_UNTOLD, min(there / MOST_THERE, times / SEEN))
     loss, before = (max(one.loss - drift, 0.0) for one in (found.final, found.steps[0].before))
     left = (loss - noise) / max(before - noise, noise)
     return min(max(left, 0.0) / MOST_LEFT, loss / noise / ABOVE)

@@ -86,11 +86,16 @@ def test_an_error_that_stands_in_few_moments_is_neither_noise_nor_soil(nothing):
     assert in_moments(np.append(moments, np.nan), PERIOD_S) == in_moments(moments, PERIOD_S)
     assert in_moments(moments[:200], PERIOD_S) == 0.0, "too short to speak of a twentieth"
 
-    def so(error_mps: np.ndarray) -> float:
-        final = replace(nothing.final, fit=replace(nothing.final.fit, error_mps=error_mps))
+    assert in_moments(0.0 * moments, PERIOD_S) == 0.0
+
+    def so(error_mps: np.ndarray, times: float) -> float:
+        """Its RMS is so many times the noise."""
+        raw = times**2 * nothing.steps[-1].background.noise / nothing.final.loss * nothing.final.raw
+        final = replace(nothing.final, raw=raw, fit=replace(nothing.final.fit, error_mps=error_mps))
         return untold(selection.Selected(nothing.steps, (), final, ()), 0.0, PERIOD_S)
 
-    assert so(noise) < 1.0 < so(moments) == in_moments(moments, PERIOD_S) / MOST_THERE
+    assert so(noise, 2.5) < 1.0 < so(moments, 2.5) == in_moments(moments, PERIOD_S) / MOST_THERE
+    assert so(moments, 1.4) < 1.0, "little more than noise: a recording that has hardly any"
 
 
 @pytest.mark.parametrize("answer", CURVES)

@@ -238,8 +238,6 @@ def _signals(
         signals[INPUT], off = _gated(signals[INPUT], columns[gate.column], gate.above)
         all_of_it = f"{len(signals[INPUT].values)} {of_what}"
         notes.append(f"input set to 0 in {off} of {all_of_it}: {gate.column} is not above {gate.above:g}")
-        if (name := _signal_of(gate.column, settings)) not in SIGNALS:  # a part of the input now, no cause beside it
-            signals.pop(name, None)
     for name in (INPUT, OUTPUT):
         notes.extend(_gap_notes(name, signals[name].time_s[~np.isnan(signals[name].values)]))
     return signals

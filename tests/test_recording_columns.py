@@ -48,7 +48,7 @@ def test_columns_are_named_scaled_and_gated(tmp_path):
     read = read_csv(csv_of(tmp_path, rows, "ms,u,v,rpm,safe,remark"), settings)
     np.testing.assert_allclose(read.input[:15], [0.0] * 5 + [510.0] * 10)
     assert read.input[15] == 510.0  # the cell without a flag is not measured; the value before it is held
-    assert set(read.columns) == {INPUT, OUTPUT, "engine_speed_rpm"}  # what gates the input is a part of it
+    assert set(read.columns) == {INPUT, OUTPUT, "engine_speed_rpm", "safe"}
     assert set(read.context()) == {"engine_speed_rpm"}
     assert read.context()["engine_speed_rpm"][0] == 2100.0
     assert read.notes == (

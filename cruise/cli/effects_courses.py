@@ -93,7 +93,15 @@ def _climb() -> Course:
     )
 
 
+def _threshing() -> Course:
+    """The threshing unit engaged and disengaged again, at one current."""
+    time_s = _over(12.0)
+    load_pct = np.where((time_s >= 1.0) & (time_s < 7.0), 95.0, 30.0)
+    return Course("engine load 95 % from 1 to 7 s", np.full(len(time_s), 1.5), {"engine_load_pct": load_pct}, ())
+
+
 COURSES: Final = {
+    "engine_droop": _threshing(),
     "coulomb_friction": _reversal(0.3),
     "rolling_resistance": _reversal(0.3),
     "crop_load": _reversal(1.5),

@@ -97,8 +97,9 @@ def panels_of(subject: Effect) -> list[Panel]:
 
 
 def inputs_of(subject: Effect) -> tuple[str, ...]:
-    """What a gain or a load depends on: the signals by name, and SPEED."""
-    return ((SPEED,) if subject.reads_speed else ()) + subject.needs + subject.helps
+    """What a gain or a load depends on: the signals by name, and SPEED; not the pressure, which replaces others."""
+    signals = ((SPEED,) if subject.reads_speed else ()) + subject.needs + subject.helps
+    return tuple(name for name in signals if not (subject.by_pressure and name == "line_pressure_bar"))
 
 
 def curves(subject: Effect) -> list[Curve]:
@@ -113,7 +114,8 @@ def curves(subject: Effect) -> list[Curve]:
         Curve(effect := subject.reshaped(**shape(subject, share)), _label(effect, share), style)
         for share, style in styles.items()
     ]
-    others = [(name, bound) for name, bound in subject.parameters.items() if name not in _alike(subject)][1:]
+    unlike = {name: bound for name, bound in subject.parameters.items() if name not in _alike(subject)}
+    others = [(name, bound) for name, bound in unlike.items() if name not in subject.by_pressure][1:]
     for (name, bound), style in zip(others, HELD_BACK, strict=False):
         effect = drawn[2].effect.reshaped(**{name: bound.neutral})
         drawn.append(Curve(effect, _label(effect, STRONG), style))
@@ -134,6 +136,7 @@ def shape(subject: Effect, share: float) -> dict[str, float]:
     """
     alike = _alike(subject)
     sides = {name: share if _ascends(bound) else -share for name, bound in subject.parameters.items()}
+    sides |= dict.fromkeys(subject.by_pressure, 0.0)
     sides |= dict(zip(alike, np.linspace(-share, share, len(alike)).tolist(), strict=True))
     return {name: _moved(bound, sides[name]) for name, bound in subject.parameters.items()}
 
@@ -157,6 +160,7 @@ def _label(effect: Effect, share: float) -> str:
     told = [
         f"{name} = {getattr(effect, name):.4g}{'' if bound.unit == '-' else f' {bound.unit}'}"
         for name, bound in effect.parameters.items()
+        if name not in effect.by_pressure
     ]
     return ", ".join(told) + ("" if share else " (neutral)")
 

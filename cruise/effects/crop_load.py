@@ -1,13 +1,15 @@
 """Crop load: threshing takes torque from the engine that the drive then lacks.
 
-    phi_k = -(load - l_0 - r |y| - q |y| dy/dt) / 100 % x_k,   x_k = clip(h x_(k-1) + y / y_c, -1, 1)
+    phi_k = -(load - l_0 - r |y| - q |y| dy/dt - k (dp - p_0) |y|) / 100 % x_k,   x_k = clip(h x_(k-1) + y / y_c, -1, 1)
 
 load engine torque in percent of the torque available at this speed, y ground speed in m/s; l_0 in % is what engine,
 drum and fans take while nothing is cut, r in % per m/s and q in % per m2/s3 are what of the load the drive itself
-makes, rolling and accelerating; x share of the loss that acts, as of any dry resistance (coulomb_friction), y_c speed
-in m/s at which all of it is there within a sample, h = exp(-T / 0.9 s) its memory: crop holds the machine back
-whichever way it goes and moves none that stands. Source: sections V.B and VI of Coen et al. 2005 ("in field conditions,
-where the engine faces higher loads"); that the loss is proportional to the load is an assumption of this program.
+makes, rolling and accelerating, or k in % per bar m/s where the line pressure dp in bar is recorded, which shows soil,
+too; k and p_0, pressure in bar while nothing holds the machine, are told by the signals alone; what is taken so is felt
+through a low-pass of tau in s; x share of the loss that acts, as of any dry resistance (coulomb_friction), y_c speed in
+m/s at which all of it is there within a sample, h = exp(-T / 0.9 s) its memory: crop holds the machine back whichever
+way it goes and moves none that stands. Source: sections V.B and VI of Coen et al. 2005 ("in field conditions, where the
+engine faces higher loads"); that the loss is proportional to the load is an assumption of this program.
 """
 
 import math
@@ -16,8 +18,10 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+import scipy  # its signal part, slow to load, is loaded where it is first used: the service does without
 
-from cruise.effects.effect import About, Effect, Parameter, Stage, State, Value, dry, dry_over, where
+from cruise.effects.effect import About, Effect, Parameter, Stage, State, Value, clip, dry, dry_over, where
+from cruise.effects.pull import AT_ONCE_S
 from cruise.signals import Signals
 
 
@@ -28,11 +32,18 @@ class CropLoad(Effect):
     name = "crop_load"
     stage = Stage.LOAD
     needs = ("engine_load_pct",)
+    helps = ("line_pressure_bar",)
     reads_speed = True
+    by_pressure = ("traction_pct_per_bar_mps", "rest_bar")
     parameters: ClassVar = {
         "idle_pct": Parameter("%", 0.0, 60.0, 0.0, "load while nothing is cut: engine, drum and fans by themselves"),
         "rolling_pct_per_mps": Parameter("% per m/s", 0.0, 15.0, 0.0, "load that rolling makes: 15 t and 0.06 are 3.5"),
         "inertia_pct_per_m2ps3": Parameter("% per m2/s3", 0.0, 15.0, 0.0, "load that accelerating makes: 15 t are 6"),
+        "traction_pct_per_bar_mps": Parameter(
+            "% per bar m/s", 0.0, 5.0, 0.0, "load that the drive's pressure makes; 0: it goes by rolling and inertia"
+        ),
+        "rest_bar": Parameter("bar", -400.0, 400.0, 0.0, "pressure while nothing holds the machine"),
+        "filter_s": Parameter("s", 0.0, 2.0, 0.0, "time constant in which the drive follows the crop"),
         "crossover_mps": Parameter("m/s", 0.01, 0.5, 0.5, "speed at which the loss is there within a sample"),
     }
     about: ClassVar = About(
@@ -42,7 +53,8 @@ class CropLoad(Effect):
         "every acceleration and every slope, so that it is a consequence of the motion before it is a cause. Believe "
         "in this effect only where the load changes while current and slope do not. What the crop takes, it takes from "
         "a machine that moves, in reverse too: no load of the engine pushes a standing machine backwards.",
-        equation="phi = -(load - l_0 - r |y| - q |y| dy/dt) / 100 % x,  x 1 forward, -1 in reverse, fading at rest",
+        equation="phi = -(load - l_0 - r |y| - q |y| dy/dt - k (dp - p_0) |y|) / 100 % x, through a "
+        "low-pass of tau,  x 1 forward, -1 in reverse, fading at rest",
         source="Coen et al. 2005, sections V.B and VI; the proportionality is an assumption",
         signature="the residual follows minus the engine load, at constant current too and before the speed has moved",
         look_alikes=("power_limit", "engine_droop", "grade", "leakage"),
@@ -54,29 +66,42 @@ class CropLoad(Effect):
     idle_pct: float = 0.0
     rolling_pct_per_mps: float = 0.0
     inertia_pct_per_m2ps3: float = 0.0
+    traction_pct_per_bar_mps: float = 0.0
+    rest_bar: float = 0.0
+    filter_s: float = 0.0
     crossover_mps: float = 0.2
 
     def start(self, like: Value) -> State:
-        """The speed in m/s two samples ago, not known yet, and the share that acts: none so far."""
-        return like * math.nan, like * 0.0
+        """Speed in m/s two samples ago and the share that is taken, not known yet; the share that acts: none so far."""
+        return like * math.nan, like * math.nan, like * 0.0
 
     def step(self, value: Value, past_speed: Value, signals: Signals, state: State, dt_s: float) -> tuple[Value, State]:
         """What of the present load the drive does not make itself."""
-        before_mps, held = state
+        before_mps, felt, held = state
         share = dry(past_speed, self.crossover_mps, held, dt_s)
-        taken = self._taken(past_speed, before_mps, signals, dt_s)
-        return -taken * share, (past_speed, where(share == share, share, 0.0))
+        now = self._taken(past_speed, before_mps, signals, dt_s)
+        followed = -np.expm1(-dt_s / clip(self.filter_s, AT_ONCE_S, math.inf))
+        taken = where(felt == felt, felt + followed * (now - felt), now)
+        return -taken * share, (past_speed, where(taken == taken, taken, felt), where(share == share, share, 0.0))
 
     def over(
         self, values: Value, past_speeds: np.ndarray, signals: Mapping[str, np.ndarray], dt_s: float
     ) -> tuple[Value, State]:
-        """The whole recording at once, but for the share that acts."""
-        shares, held = dry_over(past_speeds, self.crossover_mps, dt_s)
+        """The whole recording at once, but for the share that acts, where it has no hole."""
         before_mps = np.concatenate([past_speeds[:1], past_speeds[:-1]])
-        return -self._taken(past_speeds, before_mps, signals, dt_s) * shares, (past_speeds, held)
+        now = self._taken(past_speeds, before_mps, signals, dt_s)
+        if not np.isfinite(now).all():
+            return Effect.over(self, values, past_speeds, signals, dt_s)
+        shares, held = dry_over(past_speeds, self.crossover_mps, dt_s)
+        rest = math.exp(-dt_s / max(self.filter_s, AT_ONCE_S))
+        taken, _ = scipy.signal.lfilter([1.0 - rest], [1.0, -rest], now, zi=[rest * now[0]])
+        return -taken * shares, (past_speeds, taken, held)
 
     def _taken(self, past_speed: Value, before_mps: Value, signals: Signals, dt_s: float) -> Value:
         """Share of the engine's torque that crop takes: the load less what runs empty, rolls and accelerates."""
         accel_mps2 = (past_speed - where(before_mps == before_mps, before_mps, past_speed)) / dt_s
-        own_pct = self.idle_pct + abs(past_speed) * (self.rolling_pct_per_mps + self.inertia_pct_per_m2ps3 * accel_mps2)
+        more_bar = signals.get("line_pressure_bar", self.rest_bar) - self.rest_bar
+        more_bar = where(more_bar == more_bar, more_bar, 0.0)  # NaN: not measured
+        pct_per_mps = self.rolling_pct_per_mps + self.traction_pct_per_bar_mps * more_bar
+        own_pct = self.idle_pct + abs(past_speed) * (pct_per_mps + self.inertia_pct_per_m2ps3 * accel_mps2)
         return 0.01 * (signals["engine_load_pct"] - own_pct)

@@ -90,6 +90,7 @@ class Effect(ABC):
     reads_speed: ClassVar[bool] = False  # whether `past_speed` matters to it
     either_sign: ClassVar[bool] = False  # of a load: whether it may also push; most only take speed
     parameters: ClassVar[Mapping[str, Parameter]]
+    by_pressure: ClassVar[tuple[str, ...]] = ()  # parameters that say what the line pressure means; neutral: nothing
     about: ClassVar[About]
     acts_as: ClassVar[Stage]  # the stage at whose place in the equation it stands: its own, unless it names another
 

@@ -1,11 +1,14 @@
 """Power limit: where the demand of the ground exceeds what pump or engine can give, the swash plate is taken back.
 
-    P_d = m (p v + g_n c_r |v|) / 1000        g = min(1, P_max / P_d)^e,  rounded off within +-1/8 of P_max
+    P_d = m (p v + g_n c_r |v|) / 1000, or P_d = kappa (dp - p_0) v through a low-pass where the pressure is known
+    g = min(1, P_max / P_d)^e,  rounded off within +-1/8 of P_max
 
 P_d power in kW that the drive would have to give at the last speed, m mass in kg (15 000 kg where not measured), p pull
 of the slope in m/s2 as in `pull`: what of it is acceleration acts on the pump's pressure only as far as the control is
 as quick, so share and low-pass are found from the data; v speed one sample ago in m/s, g_n = 9.81 m/s2, c_r rolling
-resistance (0.02 on concrete to 0.12 on soft soil, found from the data), P_max in kW.
+resistance (0.02 on concrete to 0.12 on soft soil, found from the data), P_max in kW. dp line pressure in bar, which
+shows soil and whatever else holds the machine, p_0 in bar where nothing does, kappa in kN per bar: 0 leaves the
+pressure alone.
 As v is itself the limited speed, the loop through the machine settles between the speed v_0 without the limit and
 P_max / F, F the force: at v_0^(1 / (1 + e)) (P_max / F)^(e / (1 + e)); the greater the stiffness e, the nearer to a
 wall.
@@ -18,8 +21,10 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
+import numpy as np
+
 from cruise.effects.effect import EMPTY_KG, GRAVITY_MPS2, About, Effect, Parameter, Stage, State, Value, clip, where
-from cruise.effects.pull import pull, unknown
+from cruise.effects.pull import AT_ONCE_S, pull, unknown
 from cruise.signals import OUTPUT, Signals
 
 UNLIMITED_KW: Final = 300.0  # kW: more than the drive line of any combine takes
@@ -33,14 +38,17 @@ class PowerLimit(Effect):
     name = "power_limit"
     stage = Stage.GAIN
     needs = ("pitch_deg",)
-    helps = ("machine_mass_kg", OUTPUT)
+    helps = ("machine_mass_kg", "line_pressure_bar", OUTPUT)
     reads_speed = True
+    by_pressure = ("kn_per_bar", "rest_bar")
     parameters: ClassVar = {
         "power_kw": Parameter("kW", 5.0, UNLIMITED_KW, UNLIMITED_KW, "power that the drive may take; 300 is no limit"),
-        "stiffness": Parameter("-", 0.5, 4.0, 1.0, "how hard it holds: the gain falls with this power of the excess"),
+        "stiffness": Parameter("-", 0.2, 4.0, 1.0, "how hard it holds: the gain falls with this power of the excess"),
         "rolling_resistance": Parameter("-", 0.02, 0.12, 0.06, "resistance of the ground over the weight"),
         "acceleration_share": Parameter("-", 0.0, 1.0, 0.0, "how far what the pitch shows of acceleration is not felt"),
-        "filter_s": Parameter("s", 0.0, 2.0, 0.0, "time constant through which the slope is felt"),
+        "filter_s": Parameter("s", 0.0, 2.0, 0.0, "time constant through which slope or pressure is felt"),
+        "kn_per_bar": Parameter("kN/bar", 0.0, 2.0, 0.0, "force that a bar is; 0: it goes by slope and mass alone"),
+        "rest_bar": Parameter("bar", -200.0, 400.0, 0.0, "pressure while nothing holds the machine"),
     }
     about: ClassVar = About(
         physics="Torque control of the pump, or an electronic limit that keeps the diesel from stalling, takes the "
@@ -48,7 +56,7 @@ class PowerLimit(Effect):
         "force at the wheels: mass times slope and rolling resistance. On level ground and at low speed nothing is "
         "felt; uphill with a full bin the machine refuses to go faster, whatever the current.",
         equation="g = min(1, P_max / P_d)^e,  P_d = m (p v + 9.81 m/s2 c_r |v|),  p = 9.81 m/s2 sin(alpha) - r dv/dt, "
-        "through a low-pass of tau",
+        "through a low-pass of tau; or P_d = kappa (dp - p_0) v",
         source="data sheets of pumps with torque control; Wong 2008, ch. 2; Coen et al. 2005, section V.A, Fig. 6",
         signature="the residual is negative where speed times slope is high, and there only: nothing downhill, nothing "
         "below a speed that falls as the slope and the mass rise",
@@ -62,20 +70,29 @@ class PowerLimit(Effect):
     rolling_resistance: float = 0.06
     acceleration_share: float = 0.0
     filter_s: float = 0.0
+    kn_per_bar: float = 0.0
+    rest_bar: float = 0.0
 
     def start(self, like: Value) -> State:
-        """What `pull` remembers: nothing yet."""
-        return unknown(like)
+        """What `pull` remembers, and the power in kW that the pressure has shown: nothing yet."""
+        return *unknown(like), like * math.nan
 
     def step(self, value: Value, past_speed: Value, signals: Signals, state: State, dt_s: float) -> tuple[Value, State]:
         """The gain so far, divided by a power of how many times the demand exceeds the limit."""
         limited = self.power_kw < UNLIMITED_KW
-        pull_mps2, state = pull(signals, state, self.acceleration_share, self.filter_s, dt_s)
+        *pulled, shown_kw = state
+        pull_mps2, pulled = pull(signals, tuple(pulled), self.acceleration_share, self.filter_s, dt_s)
         demand_kw = _demand_kw(past_speed, pull_mps2, self.rolling_resistance, signals)
+        now_kw = self.kn_per_bar * (signals.get("line_pressure_bar", math.nan) - self.rest_bar) * past_speed
+        share = -np.expm1(-dt_s / clip(self.filter_s, AT_ONCE_S, math.inf))
+        felt_kw = where(shown_kw == shown_kw, shown_kw + share * (now_kw - shown_kw), now_kw)
+        known = felt_kw == felt_kw  # NaN: not measured
+        shown_kw = where(known, felt_kw, shown_kw)
+        demand_kw = where(known * (self.kn_per_bar > 0.0), felt_kw, demand_kw)
         excess = demand_kw * limited / self.power_kw - (1.0 - CORNER)
         rounded = clip(excess, 0.0, 2.0 * CORNER)
         times = 1.0 + rounded * rounded / (4.0 * CORNER) + clip(excess - 2.0 * CORNER, 0.0, math.inf)
-        return value / times**self.stiffness, state
+        return value / times**self.stiffness, (*pulled, shown_kw)
 
 
 def _demand_kw(speed_mps: Value, pull_mps2: Value, rolling_resistance: Value, signals: Signals) -> Value:

@@ -1,11 +1,11 @@
 """Rate limit: small orifices feed the pump's servo, so that it follows a fast current only at its own pace.
 
-    x_k = x_(k-1) + clip((1 - exp(-dt / tau)) (u_k - x_(k-1)), -r dt, r dt),   tau -> 0: clip(u_k, x_(k-1) -+ r dt)
+    x_k = x_(k-1) + clip((1 - exp(-dt / tau)) (u_k - x_(k-1)), -q r dt, r dt),   tau -> 0: clip(u_k, x_(k-1) -+ r dt)
 
-u current in mA, x what acts in mA, r greatest rate in mA/s, tau lag of the servo in s with which small changes are
-followed, dt period in s. Source: M. Jelali, A. Kroll, Hydraulic
-Servo-systems (2003), ch. 4 (flow-limited servo stage); data sheets of axial piston pumps with control orifices: neutral
-to full stroke, some 800 mA, in 0.4 to 3 s, which is 270 to 2000 mA/s.
+u current in mA, x what acts in mA, r greatest rate in mA/s away from neutral and q times as much back to it (for x < 0
+with the other signs), tau lag of the servo in s with which small changes are followed, dt period in s. Source: M.
+Jelali, A. Kroll, Hydraulic Servo-systems (2003), ch. 4 (flow-limited servo stage); data sheets of axial piston pumps
+with control orifices, one for each way: neutral to full stroke, some 800 mA, in 0.4 to 3 s, which is 270 to 2000 mA/s.
 """
 
 import math
@@ -35,13 +35,14 @@ class RateLimit(Effect):
             "mA/s", 20.0, UNLIMITED_MA_PER_S, UNLIMITED_MA_PER_S, "greatest rate of what acts; 10000 is no limit"
         ),
         "lag_s": Parameter("s", 0.0, 1.0, 0.0, "lag with which it follows within that rate"),
+        "return_share": Parameter("-", 0.2, 5.0, 1.0, "rate back to neutral over that away from it"),
     }
     about: ClassVar = About(
         physics="The servo piston that tilts the swash plate is filled through orifices, which makers choose on "
-        "purpose to keep the machine from jerking. Their flow sets a greatest rate: a small step is followed at once, "
-        "a great one by a ramp whose duration grows with the step. A lag, in contrast, takes as long for a great step "
-        "as for a small one.",
-        equation="x_k = x_(k-1) + clip((1 - exp(-dt / tau)) (u_k - x_(k-1)), -r dt, r dt)",
+        "purpose to keep the machine from jerking, often one for each way, as springs help it back to neutral. Their "
+        "flow sets a greatest rate: a small step is followed at once, a great one by a ramp whose duration grows with "
+        "the step. A lag, in contrast, takes as long for a great step as for a small one.",
+        equation="x_k = x_(k-1) + clip((1 - exp(-dt / tau)) (u_k - x_(k-1)), -q r dt, r dt)",
         source="Jelali and Kroll 2003, ch. 4; data sheets of pumps with control orifices (0.4 to 3 s to full stroke)",
         signature="after great steps the residual opposes the step and lasts the longer the greater it was; after "
         "small steps and slow ramps there is none",
@@ -52,6 +53,7 @@ class RateLimit(Effect):
 
     rate_ma_per_s: float = UNLIMITED_MA_PER_S
     lag_s: float = 0.0
+    return_share: float = 1.0
 
     def start(self, like: Value) -> State:
         """Not known: the first current is taken as it is."""
@@ -62,7 +64,9 @@ class RateLimit(Effect):
         reach_ma = where(self.rate_ma_per_s < UNLIMITED_MA_PER_S, self.rate_ma_per_s * dt_s, math.inf)
         share = -np.expm1(-dt_s / clip(self.lag_s, AT_ONCE_S, math.inf))
         wanted = value - (1.0 - share) * (value - state)  # the current itself, to the bit, where there is no lag
-        low, high = state - reach_ma, state + reach_ma
+        back_ma = self.return_share * reach_ma
+        low = state - where(state > 0.0, back_ma, reach_ma)
+        high = state + where(state < 0.0, back_ma, reach_ma)
         moved = where(wanted < low, low, where(wanted > high, high, wanted))
         result = where(state == state, moved, value)
         return result, result
@@ -76,18 +80,16 @@ class RateLimit(Effect):
         current = np.broadcast_to(np.asarray(values, float), len(past_speeds))
         if len(current) and np.isfinite(current).all():
             lagged = scipy.signal.lfilter([1.0 - rest], [1.0, -rest], current, zi=[rest * current[0]])[0]
-            if np.max(np.abs(np.diff(lagged)), initial=0.0) <= reach_ma:
+            if np.max(np.abs(np.diff(lagged)), initial=0.0) <= min(reach_ma, self.return_share * reach_ma):
                 return lagged, lagged
+        back_ma = self.return_share * reach_ma
         result, results = math.nan, []
         for value in current.tolist():
             if result == result:
                 wanted = value - rest * (value - result)
-                if wanted < result - reach_ma:
-                    result -= reach_ma
-                elif wanted > result + reach_ma:
-                    result += reach_ma
-                else:
-                    result = wanted
+                low_ma = back_ma if result > 0.0 else reach_ma
+                high_ma = back_ma if result < 0.0 else reach_ma
+                result = result - low_ma if wanted < result - low_ma else min(wanted, result + high_ma)
             else:
                 result = value
             results.append(result)

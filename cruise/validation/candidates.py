@@ -3,7 +3,7 @@
 An effect whose signal is not recorded can't be blamed; one whose signal never moves is not excited, not absent.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, Protocol
 
@@ -13,6 +13,7 @@ from cruise.effects import EFFECTS, Effect, Parameter, Stage
 from cruise.recording import Recording
 from cruise.signals import INPUT, OUTPUT, SIGNALS
 from cruise.validation.explanation import CORE, Explanation
+from cruise.validation.line_pressure import Force, Traction, force_of_a_bar, load_of_a_bar
 from cruise.validation.slope import PITCH, SLOPE, pitch_share, slope_deg
 from cruise.validation.unnamed import (
     POWERS,
@@ -41,6 +42,12 @@ BLIND: Final[Mapping[str, float]] = {"engine_load_pct": 0.6, "line_pressure_bar"
 """The same for a dependence without physics on what the drive itself moves: it would read the answer off it."""
 
 
+BY_SLOPE: Final[Mapping[str, tuple[str, ...]]] = {
+    "power_limit": ("rolling_resistance", "acceleration_share"),
+    "crop_load": ("inertia_pct_per_m2ps3",),
+}
+"""Shapes that say nothing where the line pressure shows the force."""
+Shapes = tuple[tuple[str, float], ...]
 UNNAMED: Final = "unnamed:"
 """Before the signal of a dependence without physics, in the names of candidates."""
 
@@ -84,7 +91,8 @@ class EffectCandidate:
     credit: float = 1.0
     longest_delay_s: float | None = None
     given: Effect | None = None  # where a fit of it has been before
-    known: tuple[tuple[str, float], ...] = ()  # shapes that the signals themselves tell
+    known: Shapes = ()  # shapes that the signals themselves tell,
+    instead: Shapes = ()  # or these, whichever errs less
 
     def grown(self, explanation: Explanation) -> Iterator[Explanation]:
         """One start for each of a few strengths, or where it has been before."""
@@ -95,7 +103,7 @@ class EffectCandidate:
         shapes = kind.parameters
         core = explanation.core
         if self.name == "rate_limit":  # the servo's lag moves into the limit, or there would be one lag more
-            known = {"lag_s": core.lag_s}
+            known = {"lag_s": core.lag_s, "return_share": 1.0}
             explanation = replace(explanation, core=replace(core, lag_s=CORE["lag_s"].low))
         elif self.name == "hysteresis":
             known = {"share": HELD}
@@ -103,9 +111,10 @@ class EffectCandidate:
             known = {"bend": 0.0}
         else:
             known = dict(self.known)
-        for share in SHARES if shapes and self.name != "gear_ratio" else SHARES[:1]:
-            shape = {name: _on_the_way(bound, share) for name, bound in shapes.items()} | known
-            yield with_effect(explanation, kind() if self.name == "gear_ratio" else kind(**shape))
+        for told in (known, dict(self.instead)) if self.instead else (known,):
+            for share in SHARES if shapes and self.name != "gear_ratio" else SHARES[:1]:
+                shape = {name: _on_the_way(bound, share) for name, bound in shapes.items()} | told
+                yield with_effect(explanation, kind() if self.name == "gear_ratio" else kind(**shape))
 
 
 @dataclass(frozen=True)
@@ -185,16 +194,47 @@ def candidates(recordings: Sequence[Recording], explanation: Explanation) -> tup
             found.append(ResonanceCandidate())
         else:
             credit = min((CONSEQUENCES.get(need, 1.0) for need in kind.needs if need != OUTPUT), default=1.0)
-            known = _told(recordings) if name == "grade" else ()
-            found.append(EffectCandidate(name, credit, known=known))
+            known, *instead = TOLD[name](recordings) if name in TOLD else ((),)
+            found.append(EffectCandidate(name, credit, known=known, instead=tuple(*instead)))
     return found, refused
 
 
-def _told(recordings: Sequence[Recording]) -> tuple[tuple[str, float], ...]:
+def _grade(recordings: Sequence[Recording]) -> tuple[Shapes]:
     """Shapes of the grade that no fit of the speed should find: the pitch sensor's; the mass's, where none is known."""
     share = ("acceleration_share", pitch_share(recordings))
     weighed = all("machine_mass_kg" in one.columns for one in recordings)
-    return (share,) if weighed else (share, ("mass_share", 0.0))
+    return ((share,) if weighed else (share, ("mass_share", 0.0)),)
+
+
+def _power(recordings: Sequence[Recording]) -> tuple[Shapes]:
+    """The force that a bar is, and where a fit may start with the pressure at rest; what goes by the slope is none."""
+    bar = force_of_a_bar(recordings)
+    return (_neutral("power_limit", Force._fields) if bar is None else _meant("power_limit", bar),)
+
+
+def _crop(recordings: Sequence[Recording]) -> tuple[Shapes, ...]:
+    """The load that the drive's pressure makes of the engine's; or none, as crop itself may be in the pressure."""
+    bar, without_it = load_of_a_bar(recordings), _neutral("crop_load", Traction._fields)
+    return (without_it,) if bar is None else (_meant("crop_load", bar), without_it)
+
+
+def _meant(name: str, bar: Force | Traction) -> Shapes:
+    """What a bar means, within bounds, and neutral values of what it makes superfluous."""
+    shapes = EFFECTS[name].parameters
+    meant = ((shape, min(max(value, shapes[shape].low), shapes[shape].high)) for shape, value in bar._asdict().items())
+    return (*meant, *_neutral(name, BY_SLOPE[name]))
+
+
+def _neutral(name: str, shapes: Sequence[str]) -> Shapes:
+    return tuple((shape, EFFECTS[name].parameters[shape].neutral) for shape in shapes)
+
+
+TOLD: Final[Mapping[str, Callable[[Sequence[Recording]], tuple[Shapes, ...]]]] = {
+    "grade": _grade,
+    "power_limit": _power,
+    "crop_load": _crop,
+}
+"""Shapes of effects that the signals themselves tell; where they may be told in two ways, both."""
 
 
 def unnamed(recordings: Sequence[Recording], explanation: Explanation) -> list[UnnamedCandidate]:

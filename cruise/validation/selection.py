@@ -237,9 +237,15 @@ def _curve(first: Step, chosen: float, left: float) -> tuple[Tried | None, float
     if margin <= 0.0:
         return None, 0.0
     mine = best.name.removeprefix(UNNAMED)
-    same = [one for one in named if mine in EFFECTS[one.name].needs and mine != OUTPUT and enough(one)]
+    same = [one for one in named if _of_the_same(one.name, mine) and enough(one)]
     taken = [(first.before.loss - one.judged.loss) / (first.before.loss - best.judged.loss) for one in same]
     return (None, 0.0) if max(taken, default=0.0) >= SAME_SIGNAL else (best, margin)
+
+
+def _of_the_same(name: str, signal: str) -> bool:
+    """Whether an effect of the table is a law of this recorded signal, or of the model's speed and no recorded one."""
+    needs = EFFECTS[name].needs
+    return not needs and SPEED in _acts_through(name) if signal == SPEED else signal in needs and signal != OUTPUT
 
 
 def _curves(one: Tried) -> bool:

@@ -24,7 +24,7 @@ def pitch_share(recordings: Sequence[Recording]) -> float:
     """r, 0..1: the regression of the pitch, as an acceleration, on the rate of the speed."""
     products = squares = 0.0
     for one in recordings:
-        accel, pull = _accel_and_pull(one)
+        accel, pull = accel_and_pull(one)
         known = np.isfinite(accel) & np.isfinite(pull)
         if known.any():
             products += float(accel[known] @ (pull[known] - pull[known].mean()))
@@ -34,11 +34,11 @@ def pitch_share(recordings: Sequence[Recording]) -> float:
 
 def slope_deg(one: Recording, share: float) -> np.ndarray:
     """The slope (N,) in degrees that is left of the pitch without acceleration, smoothed; NaN in holes."""
-    accel, pull = _accel_and_pull(one)
+    accel, pull = accel_and_pull(one)
     return np.degrees(np.arcsin(np.clip((pull - share * accel) / GRAVITY_MPS2, -1.0, 1.0)))
 
 
-def _accel_and_pull(one: Recording) -> tuple[np.ndarray, np.ndarray]:
+def accel_and_pull(one: Recording) -> tuple[np.ndarray, np.ndarray]:
     """Rate of the speed and pitch as an acceleration (N,) in m/s2, both means over the same window."""
     half = max(round(0.5 * SMOOTHING_S / one.dt_s), 1)
     speed = np.pad(one.output, half, mode="edge")

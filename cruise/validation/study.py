@@ -17,8 +17,9 @@ from cruise.identification.structures import Family, Structure
 from cruise.model.model import Model
 from cruise.recording import Recording
 from cruise.signals import OUTPUT
-from cruise.validation.candidates import Candidate, EffectCandidate, candidates, why_not
+from cruise.validation.candidates import BY_SLOPE, Candidate, EffectCandidate, candidates, why_not
 from cruise.validation.explanation import START, Explanation
+from cruise.validation.line_pressure import force_of_a_bar
 from cruise.validation.search import Judged, Search
 from cruise.validation.simulation import JUDGED_S, WARM_UP_S, Scene
 
@@ -119,8 +120,8 @@ def discrete(one: Study, judged: Judged) -> Model:
 
 
 def _fixed(effects: Sequence[Effect], recordings: Sequence[Recording]) -> frozenset[str]:
-    """Shapes that these recordings say nothing about: of gears that were not driven, the reference gear; the pitch
-    sensor's share is told by the signals alone."""
+    """Shapes that these recordings say nothing about: of gears that were not driven, the reference gear; what the
+    pitch sensor and a bar of line pressure show is told by the signals alone."""
     driven = set()
     for one in recordings:
         if "gear" in one.columns:
@@ -131,5 +132,9 @@ def _fixed(effects: Sequence[Effect], recordings: Sequence[Recording]) -> frozen
         unknown.add("gear_ratio.pace_exponent")
     if not all("machine_mass_kg" in one.columns for one in recordings):
         unknown.add("grade.mass_share")
-    reference = {"gear_ratio.gear_2_mps", "grade.acceleration_share"}
+    unknown |= {
+        f"power_limit.{name}" for name in (BY_SLOPE["power_limit"] if force_of_a_bar(recordings) else ("rest_bar",))
+    }
+    unknown |= {"crop_load.traction_pct_per_bar_mps", "crop_load.rest_bar"}
+    reference = {"gear_ratio.gear_2_mps", "grade.acceleration_share", "power_limit.kn_per_bar"}
     return frozenset(unknown | reference)

@@ -15,7 +15,7 @@ import numpy as np
 
 from cruise.effects import EFFECTS
 from cruise.validation.background import STRUCTURAL, Background
-from cruise.validation.candidates import MEDIATORS, UNNAMED, Candidate, without
+from cruise.validation.candidates import MEDIATORS, UNNAMED, Candidate, EffectCandidate, without
 from cruise.validation.explanation import Explanation
 from cruise.validation.fitting import Fit
 from cruise.validation.mediator import SHOWN, SILENT, Said, Through, behind, may_be_needed, needed, refuted, weighed
@@ -23,10 +23,13 @@ from cruise.validation.search import Judged, Search, gain, sureness
 from cruise.validation.side_by_side import side_by_side
 from cruise.validation.slip import slip_mps
 from cruise.validation.study import Study
-from cruise.validation.tried import LEAST_GAIN, Step, Tried, counted, held_out
+from cruise.validation.tried import LEAST_GAIN, RESISTANCE, Step, Tried, counted, held_out
 
 MOVED: Final = 0.03  # of the cost, by which a better core makes all be tried anew from it
 PLAIN: Final = 0.5  # of what the best cause leaves: with less, a consequence of the drive is a cause all the same
+HOLDING: Final = ("crop_load",)  # holds the machine back as dry friction does, by the mean of its signal alone:
+OWN: Final = 0.25  # of what it takes away, that friction must leave for the signal to say anything,
+OWN_TOLD: Final = 0.15  # and this share must be left where the pressure tells what of the signal the drive moves
 
 Show = Callable[[str], None]
 
@@ -85,10 +88,15 @@ def tried_beside(
         (slip_mps(study.recordings), frozenset({"wheel_slip", "sensor_bias"})),
     )
     credit = {one.name: one.credit for one in everyone}
+    held = min((one.loss for one in judged if one.candidate in RESISTANCE), default=present.loss)
     causes = [one.loss for one in judged if credit[one.candidate] == 1.0 and one.candidate not in MEDIATORS]
     for one in judged:
         if one.candidate in named and one.loss < PLAIN * min([present.loss, *causes]):
             credit[one.candidate] = 1.0
+        if one.candidate in HOLDING and gain(present, one) >= LEAST_GAIN:
+            told = _by_pressure(search, present, one, everyone)
+            if not of_its_own(present.loss, one.loss, told.loss, held):
+                credit[one.candidate] = 0.0
     alone = [
         Tried(one.candidate, gain(present, one), 0.0, credit[one.candidate], sureness(present, one, rng), one, one)
         for one in judged
@@ -108,6 +116,23 @@ def tried_beside(
     tried = sorted((weighed(one, said.beside.get(one.name)) for one in tried), key=counted, reverse=True)
     unrecorded = said.name if said.through is Through.UNRECORDED else ""
     return Step(present, tuple(tried), background, unrecorded, said.forces, said.refuted, said.margin)
+
+
+def _by_pressure(search: Search, present: Judged, one: Judged, everyone: Sequence[Candidate]) -> Judged:
+    """A candidate as it is where line pressure says what of its signal the drive moves itself, if that is recorded."""
+    candidate = next(candidate for candidate in everyone if candidate.name == one.candidate)
+    if not isinstance(candidate, EffectCandidate) or not candidate.instead:
+        return one
+    return search.judged(one.candidate, search.grown(present.explanation, replace(candidate, instead=())))
+
+
+def of_its_own(before: float, one: float, told: float, held: float) -> bool:
+    """Whether a signal says something of its own, beyond soil that shows in it and what holds the machine back anyhow.
+
+    Losses: without it, with it, with it less what the pressure tells of the drive, with friction alone.
+    """
+    taken = before - told
+    return taken >= OWN_TOLD * (before - one) and held - told >= OWN * taken
 
 
 def _said(
@@ -134,7 +159,7 @@ def _said(
     no_forces = refuted(mediator.judged, alone) if mediator.gain >= SHOWN else ()
     through = {*MEDIATORS, *(f"{UNNAMED}{signal}" for signal in EFFECTS[mediator.name].needs)}
     moved = {one.name for one in alone if one.name.startswith(UNNAMED) and one.credit < 1.0}  # by the drive itself
-    direct = [one.judged for one in alone if one.name not in {*no_forces, *through, *moved}]
+    direct = [one.judged for one in alone if one.credit > 0.0 and one.name not in {*no_forces, *through, *moved}]
     best = min([present, *direct], key=lambda one: one.loss)
     through_it, margin = behind(study, present, mediator.judged, best, not chosen)
     return Said(mediator.name, through_it, margin, None, {}, no_forces)

@@ -160,8 +160,9 @@ def test_every_picture_shows_what_each_further_parameter_does(name):
     if name == "gear_ratio":  # several of one kind: spread out, not held back one by one
         assert not held_back
         return
-    assert len(held_back) == len(ALL[name].parameters) - 1
-    for one, key in zip(held_back, list(ALL[name].parameters)[1:], strict=True):
+    drawn = [key for key in ALL[name].parameters if key not in ALL[name].by_pressure]
+    assert len(held_back) == len(drawn) - 1
+    for one, key in zip(held_back, drawn[1:], strict=True):
         assert one.effect == strong.effect.reshaped(**{key: getattr(neutral.effect, key)})
         assert max(difference(lines[strong.label], lines[one.label]) for lines in drawn_panels(name)) > VISIBLE
 
@@ -208,7 +209,7 @@ def test_curves_stand_at_neutral_a_quarter_and_half_of_the_way():
 
     assert of("hysteresis", "width_ma") == [0.0, 100.0, 200.0, 200.0]
     assert of("rate_limit", "rate_ma_per_s") == pytest.approx(
-        [1e4, *(1e4 * 0.002**share for share in (0.25, 0.5, 0.5))]
+        [1e4, *(1e4 * 0.002**share for share in (0.25, 0.5, 0.5, 0.5))]
     )
     assert of("oil_temperature", "loss_share") == [0.0, 0.1, 0.2]
     gears = effects_picture.curves(ALL["gear_ratio"])[-1].effect

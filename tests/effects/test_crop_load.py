@@ -1,5 +1,7 @@
 """Crop load, by hand and in a model."""
 
+import math
+
 import pytest
 
 from cruise.effects.crop_load import CropLoad
@@ -7,7 +9,7 @@ from cruise.model.model import Model
 
 
 def phi(speed_mps):
-    return CropLoad(crossover_mps=0.1).step(0.0, speed_mps, {"engine_load_pct": 80.0}, (speed_mps, 0.0), 0.2)[0]
+    return CropLoad(crossover_mps=0.1).step(0.0, speed_mps, {"engine_load_pct": 80.0}, (speed_mps, 0.8, 0.0), 0.2)[0]
 
 
 def test_full_load_costs_the_coefficient():
@@ -38,3 +40,21 @@ def test_what_engine_and_drum_take_while_nothing_is_cut_is_no_crop():
     effect = CropLoad(idle_pct=30.0)
     assert effect.step(0.0, 2.0, {"engine_load_pct": 30.0}, effect.start(0.0), 0.2)[0] == 0.0
     assert effect.step(0.0, 2.0, {"engine_load_pct": 80.0}, effect.start(0.0), 0.2)[0] == pytest.approx(-0.5)
+
+
+def test_what_the_pressure_of_the_drive_takes_from_the_engine_is_no_crop():
+    effect = CropLoad(traction_pct_per_bar_mps=0.1, rest_bar=20.0)
+    start = effect.start(0.0)
+    now = {"engine_load_pct": 50.0, "line_pressure_bar": 120.0}
+    assert effect.step(0.0, 2.0, now, start, 0.2)[0] == pytest.approx(-(50.0 - 0.1 * 100.0 * 2.0) / 100.0)
+    for pressure in ({}, {"line_pressure_bar": math.nan}):  # not measured: all of it counts
+        assert effect.step(0.0, 2.0, {"engine_load_pct": 50.0} | pressure, start, 0.2)[0] == pytest.approx(-0.5)
+
+
+def test_the_crop_is_felt_through_a_lag():
+    effect = CropLoad(filter_s=1.0)
+    _, state = effect.step(0.0, 2.0, {"engine_load_pct": 0.0}, effect.start(0.0), 0.2)
+    for _ in range(4):
+        _, state = effect.step(0.0, 2.0, {"engine_load_pct": 100.0}, state, 0.2)
+    felt, _ = effect.step(0.0, 2.0, {"engine_load_pct": 100.0}, state, 0.2)
+    assert felt == pytest.approx(-(1.0 - math.exp(-1.0)))

@@ -85,3 +85,22 @@ def test_what_the_pitch_shows_of_acceleration_can_be_left_out():
         shaken, state = effect.step(1.0, 3.0, signals, state, dt_s)
     assert shaken == pytest.approx(gain(30.0, 3.0, UP | {"pitch_deg": 0.0}), abs=1e-3)
     assert gain(30.0, 3.0, UP | {"pitch_deg": pitch_deg}) < 0.8 * shaken
+
+
+def test_where_the_pressure_is_known_it_says_what_the_ground_asks_for():
+    effect = PowerLimit(30.0, kn_per_bar=0.1, rest_bar=50.0)
+    pressed = UP | {"line_pressure_bar": 350.0}
+    assert stepped(effect, 2.0, pressed) == pytest.approx(30.0 / (0.1 * 300.0 * 2.0))
+    assert stepped(effect, 2.0, pressed | {"pitch_deg": 0.0}) == stepped(effect, 2.0, pressed)  # whatever holds it
+    assert stepped(effect, 0.5, pressed) == 1.0
+    assert stepped(effect, 2.0, UP | {"line_pressure_bar": -100.0}) == 1.0  # it is pushed
+    for unknown in ({}, {"line_pressure_bar": math.nan}):
+        assert stepped(effect, 2.0, UP | unknown) == gain(30.0, 2.0, UP)
+
+
+def test_a_peak_of_the_pressure_is_felt_through_the_lag():
+    effect = PowerLimit(30.0, kn_per_bar=0.1, filter_s=0.5)
+    calm, peak = UP | {"line_pressure_bar": 100.0}, UP | {"line_pressure_bar": 400.0}
+    _, state = effect.step(1.0, 2.0, calm, effect.start(0.0), 0.2)
+    felt, _ = effect.step(1.0, 2.0, peak, state, 0.2)
+    assert felt == pytest.approx(30.0 / (20.0 + 60.0 * (1.0 - math.exp(-0.4))))

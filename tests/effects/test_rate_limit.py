@@ -20,6 +20,15 @@ def test_a_great_step_takes_its_size_over_the_rate_both_ways():
     assert through(1000.0, [0.0, 500, 500], 0.05) == [0, 50, 100]
 
 
+def test_back_to_neutral_it_may_go_at_another_rate():
+    effect = RateLimit(1000.0, return_share=2.0)
+    for sign in (1.0, -1.0):
+        currents = sign * np.array([0.0, 500, 500, 500, 0, 0])
+        np.testing.assert_allclose(
+            over(effect, currents, np.zeros(6), {}, 0.2)[0], sign * np.array([0.0, 200, 400, 500, 100, 0])
+        )
+
+
 def test_a_small_step_passes_at_once():
     assert through(1000.0, [300.0, 499, 400], 0.2) == [300, 499, 400]
 

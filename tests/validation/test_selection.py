@@ -5,6 +5,8 @@ from dataclasses import replace
 
 import pytest
 
+from cruise.effects import EFFECTS
+from cruise.signals import OUTPUT
 from cruise.validation import selection, tried
 from cruise.validation.candidates import UNNAMED
 from cruise.validation.diagnose import diagnose
@@ -28,6 +30,7 @@ from cruise.validation.tried import (
     may_be_soil,
     whole,
 )
+from cruise.validation.unnamed import SPEED
 
 
 def test_a_curve_that_leaves_far_less_error_has_the_word_with_as_much_evidence(unlisted):
@@ -257,3 +260,13 @@ def test_little_evidence_needs_more_standard_errors(grade):
     assert not enough(replace(one, evidence=0.9 * SOME, sureness=BEYOND_DOUBT))
     assert enough(replace(one, evidence=0.9 * SOME, sureness=ANYHOW))
     assert not enough(replace(one, evidence=-SOME, sureness=ANYHOW))
+
+
+def test_a_curve_of_the_speed_is_the_effects_that_are_a_law_of_the_speed_alone():
+    mine = {name for name in EFFECTS if selection._of_the_same(name, SPEED)}
+    assert mine == {"coulomb_friction", "speed_droop"}
+    assert {name for name in EFFECTS if selection._of_the_same(name, "engine_load_pct")} == {
+        "engine_droop",
+        "crop_load",
+    }
+    assert not any(selection._of_the_same(name, OUTPUT) for name in EFFECTS)

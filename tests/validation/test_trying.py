@@ -13,7 +13,7 @@ from cruise.validation.mediator import Through
 from cruise.validation.search import Judged, Search
 from cruise.validation.study import Study, study
 from cruise.validation.tried import Step
-from cruise.validation.trying import MOVED, tried_beside
+from cruise.validation.trying import MOVED, of_its_own, tried_beside
 from tests.validation.driving import drive, wander
 
 PERIOD_S = 0.2
@@ -79,3 +79,34 @@ def test_what_the_drive_itself_moves_is_no_direct_cause_in_the_place_of_the_pres
     moved = {found.name: found.judged.loss for found in step.tried}
     assert moved[f"{UNNAMED}engine_load_pct"] < 0.5 * min(seen[-1].loss, step.before.loss), "it would explain most"
     assert seen[-1].candidate not in (f"{UNNAMED}engine_load_pct", f"{UNNAMED}line_pressure_bar", "leakage")
+
+
+@pytest.mark.parametrize(("friction", "counts"), [(0.5, False), (0.7, True)])
+def test_a_load_of_the_engine_that_holds_back_as_friction_alone_does_says_nothing(friction, counts, monkeypatch):
+    """Crop that leaves 0.4 of the loss; friction leaves 0.5 or 0.7 of it."""
+    load_pct = 50.0 + wander(1600, 0.1, 5, 20.0, 2.0)
+    one = study(
+        [drive(160.0, columns={"engine_load_pct": load_pct, "machine_mass_kg": 15000.0 + 100.0 * load_pct})],
+        parse("arx:na=1,nb=3,delay_s=0.4"),
+        None,
+        PERIOD_S,
+    )
+    leaves = {"crop_load": 0.4, "coulomb_friction": friction, "rolling_resistance": 0.9}
+    judged = one.search.judged
+
+    def as_said(name: str, found: Fit) -> Judged:
+        share = leaves.get(name, 1.0)
+        return replace(judged(name, found), raw=share * one.base.raw, white=share * one.base.white)
+
+    monkeypatch.setattr(one.search, "judged", as_said)
+    credit = {found.name: found.credit for found in tried(one, one.base).tried}
+    assert (credit["crop_load"] > 0.0) is counts
+    assert credit["coulomb_friction"] == credit["rolling_resistance"] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("told", "held", "own"),
+    [(0.5, 0.9, True), (0.5, 0.55, False), (0.95, 1.0, False), (0.85, 1.0, True), (1.1, 1.0, False)],
+)
+def test_what_the_pressure_tells_of_the_drive_and_friction_leave_must_be_a_share_of_what_a_load_takes(told, held, own):
+    assert of_its_own(1.0, 0.4, told, held) is own

@@ -44,6 +44,7 @@ ALONE: Final = (0.65, 0.9)  # or that its signal alone foretells, and of what al
 FORCES: Final = 2  # that such an effect may stand for, where it errs hardly more than all of them
 PROPORTION: Final = 1.3  # ratio of what recorded causes of it cost to what others do, for a cause that is all the same,
 PROPORTION_STD: Final = 0.1  # and its standard error
+CLEAR: Final = 0.15  # of the present loss, that may be left for that to count while soil may be all of it,
 LEAST_TOLD: Final = 0.05  # of what it takes away, that must be foretold for that to be seen;
 TOLD: Final = 0.35  # of what it takes away: with less that is foretold, a force that nobody recorded acts there
 
@@ -70,7 +71,9 @@ def behind(study: Study, present: Judged, mediator: Judged, direct: Judged, firs
         return share_told(study.search.scene, present.fit, part_mps, study.search.blocks, by)
 
     def itself() -> bool:
-        return told(present.fit.error_mps) >= TOLD or proportion(study, present.fit, mediator.fit) > 0.0
+        if told(present.fit.error_mps) >= TOLD:
+            return True
+        return (left <= CLEAR or not first) and proportion(study, present.fit, mediator.fit) > 0.0
 
     instead = (present.loss - direct.loss) / taken
     margin = max(1.0 - left / MEDIATED, 1.0 - instead / LONELY if first else 0.0)

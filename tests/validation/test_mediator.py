@@ -8,7 +8,19 @@ import pytest
 from cruise.identification.structures import parse
 from cruise.validation import mediator
 from cruise.validation.candidates import UNNAMED, EffectCandidate
-from cruise.validation.mediator import ALONE, DIRECT, LONELY, MEDIATED, NOISY, TOLD, UNSEEN, Through, behind, proportion
+from cruise.validation.mediator import (
+    ALONE,
+    CLEAR,
+    DIRECT,
+    LONELY,
+    MEDIATED,
+    NOISY,
+    TOLD,
+    UNSEEN,
+    Through,
+    behind,
+    proportion,
+)
 from cruise.validation.search import Judged
 from cruise.validation.study import Study, study
 from cruise.validation.unnamed import SPEED
@@ -60,6 +72,8 @@ def said(begun: Study, left: float, instead: float, told: float, monkeypatch, **
         (1.1, 0.0, 0.9, {}, Through.RECORDED),
         (0.1, 0.1, TOLD - 0.05, {"even": 0.4}, Through.ITSELF),
         (0.1, DIRECT + 0.05, TOLD - 0.05, {"even": 0.4}, Through.RECORDED),
+        (CLEAR + 0.05, 0.1, TOLD - 0.05, {"even": 0.4}, Through.UNRECORDED),
+        (CLEAR + 0.05, 0.1, TOLD - 0.05, {"even": 0.4, "first": False}, Through.ITSELF),
         (MEDIATED + 0.05, LONELY + 0.05, 0.1, {"even": 0.4}, Through.RECORDED),
         (MEDIATED + 0.05, LONELY + 0.05, 0.1, {"even": 0.4, "first": False}, Through.ITSELF),
         (MEDIATED + 0.05, DIRECT + 0.05, 0.1, {"even": 0.4, "first": False}, Through.RECORDED),

@@ -44,7 +44,7 @@ ALONE: Final = (0.65, 0.9)  # or that its signal alone foretells, and of what al
 FORCES: Final = 2  # that such an effect may stand for, where it errs hardly more than all of them
 PROPORTION: Final = 1.3  # ratio of what recorded causes of it cost to what others do, for a cause that is all the same,
 PROPORTION_STD: Final = 0.1  # and its standard error
-CLEAR: Final = 0.15  # of the present loss, that may be left for that to count while soil may be all of it,
+CLEAR: Final = 0.15  # of the present loss, that may be left for that to count: soil costs as much where all forces do,
 LEAST_TOLD: Final = 0.05  # of what it takes away, that must be foretold for that to be seen;
 TOLD: Final = 0.35  # of what it takes away: with less that is foretold, a force that nobody recorded acts there
 
@@ -73,17 +73,14 @@ def behind(study: Study, present: Judged, mediator: Judged, direct: Judged, firs
     def itself() -> bool:
         if told(present.fit.error_mps) >= TOLD:
             return True
-        return (left <= CLEAR or not first) and proportion(study, present.fit, mediator.fit) > 0.0
+        return first and left <= CLEAR and proportion(study, present.fit, mediator.fit) > 0.0
 
     instead = (present.loss - direct.loss) / taken
     margin = max(1.0 - left / MEDIATED, 1.0 - instead / LONELY if first else 0.0)
-    if left > MEDIATED and margin <= 0.0:  # where nothing else is found yet, soil may be all of it
-        even = proportion(study, present.fit, mediator.fit) if instead <= DIRECT and not first else 0.0
-        return (Through.ITSELF, even) if even > 0.0 else (Through.RECORDED, 0.0)
+    if left > MEDIATED and margin > 0.0 and itself():
+        return Through.ITSELF, margin
     if left > MEDIATED:
-        if itself():
-            return Through.ITSELF, margin
-        return (Through.UNRECORDED, margin) if left <= UNSEEN else (Through.RECORDED, 0.0)
+        return (Through.UNRECORDED, margin) if margin > 0.0 and left <= UNSEEN else (Through.RECORDED, 0.0)
     nameless = first and direct.candidate.startswith(UNNAMED)
     if instead > (NAMELESS if nameless else DIRECT):
         return Through.RECORDED, 0.0

@@ -94,21 +94,12 @@ def share_told(scene: Scene, present: Fit, part_mps: np.ndarray, blocks: np.ndar
 
     By all that is recorded, or `by` one signal and the model's speed alone.
     """
-    return share_of(part_mps, part_told(scene, present, part_mps, blocks, by))
-
-
-def share_of(part_mps: np.ndarray, told_mps: np.ndarray) -> float:
-    """R^2 of what is foretold (N,) of a part (N,) of an error, but its mean."""
-    known = np.isfinite(part_mps)
-    part = part_mps[known]
-    return 1.0 - float(np.mean((part - told_mps[known]) ** 2)) / max(float(np.var(part)), 1e-12)
-
-
-def part_told(scene: Scene, present: Fit, part_mps: np.ndarray, blocks: np.ndarray, by: str = "") -> np.ndarray:
-    """What (N,) of such a part is foretold."""
     seen = _seen(scene, scene.speed_mps - bounded(present.error_mps))
     seen = {name: seen[name] for name in (by, SPEED)} if by else seen
-    return _across(seen, part_mps, blocks, mixed=False)[0]
+    whole, _ = _across(seen, part_mps, blocks, mixed=False)
+    known = np.isfinite(part_mps)
+    part = part_mps[known]
+    return 1.0 - float(np.mean((part - whole[known]) ** 2)) / max(float(np.var(part)), 1e-12)
 
 
 @threadpool_limits.wrap(limits=1)  # two threads that wait for each other cost more than they bring

@@ -10,7 +10,6 @@ acts on the command, the gain or a sensor is refuted. On a machine whose forces 
 this holds, and nothing is lost: there every force is still needed beside it.
 """
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum, auto
@@ -21,8 +20,7 @@ import numpy as np
 from cruise.effects import EFFECTS, Stage
 from cruise.signals import INPUT
 from cruise.validation.candidates import MEDIATORS, UNNAMED, EffectCandidate, without
-from cruise.validation.fitting import Fit, bounded
-from cruise.validation.foretold import part_told, share_of, share_told
+from cruise.validation.foretold import share_told
 from cruise.validation.search import Judged, Search
 from cruise.validation.study import Study
 from cruise.validation.tried import LEAST_GAIN, LOOSE, SURE, Step, Tried, counted, enough
@@ -42,10 +40,6 @@ DIRECT: Final = 0.5  # of what it takes away: with more that a direct cause take
 NAMELESS: Final = 0.8  # or a curve without physics, where nothing else has been found,
 ALONE: Final = (0.65, 0.9)  # or that its signal alone foretells, and of what all signals do, if no effect knows it
 FORCES: Final = 2  # that such an effect may stand for, where it errs hardly more than all of them
-PROPORTION: Final = 1.3  # ratio of what recorded causes of it cost to what others do, for a cause that is all the same,
-PROPORTION_STD: Final = 0.1  # and its standard error
-CLEAR: Final = 0.15  # of the present loss, that may be left for that to count: soil costs as much where all forces do,
-LEAST_TOLD: Final = 0.05  # of what it takes away, that must be foretold for that to be seen;
 TOLD: Final = 0.35  # of what it takes away: with less that is foretold, a force that nobody recorded acts there
 
 
@@ -70,14 +64,9 @@ def behind(study: Study, present: Judged, mediator: Judged, direct: Judged, firs
         part_mps = error_mps - mediator.fit.error_mps
         return share_told(study.search.scene, present.fit, part_mps, study.search.blocks, by)
 
-    def itself() -> bool:
-        if told(present.fit.error_mps) >= TOLD:
-            return True
-        return first and left <= CLEAR and proportion(study, present.fit, mediator.fit) > 0.0
-
     instead = (present.loss - direct.loss) / taken
     margin = max(1.0 - left / MEDIATED, 1.0 - instead / LONELY if first else 0.0)
-    if left > MEDIATED and margin > 0.0 and itself():
+    if left > MEDIATED and margin > 0.0 and told(present.fit.error_mps) >= TOLD:
         return Through.ITSELF, margin
     if left > MEDIATED:
         return (Through.UNRECORDED, margin) if margin > 0.0 and left <= UNSEEN else (Through.RECORDED, 0.0)
@@ -92,32 +81,7 @@ def behind(study: Study, present: Judged, mediator: Judged, direct: Judged, firs
     beyond = max((1.0 - MORE) * direct.loss, BEYOND * present.loss)
     if direct.loss - mediator.loss > beyond and told(direct.fit.error_mps) >= TOLD_BESIDE:
         return Through.ITSELF, margin
-    return (Through.ITSELF if itself() else Through.UNRECORDED), margin
-
-
-def proportion(study: Study, present: Fit, mediator: Fit) -> float:
-    """How far it is from its limit (0..1) that recorded causes of the mediator's signal cost as much speed as others.
-
-    e = p z_told + q z_rest + J d: where a force that nobody recorded stands behind it, p is none of it, or another; for
-    oil that leaks it is all the same what made the pressure. 0: it is another, or hardly anything recorded moves it.
-    """
-    part_mps = present.error_mps - mediator.error_mps
-    told_mps = part_told(study.search.scene, present, part_mps, study.search.blocks)
-    if share_of(part_mps, told_mps) < LEAST_TOLD:
-        return 0.0
-    known = np.isfinite(part_mps) & np.isfinite(present.error_mps)
-    own = bounded(present.jacobian * present.layout.scale)
-    columns = np.column_stack([told_mps, part_mps - told_mps, own, np.ones(len(part_mps))])[known]
-    error = present.error_mps[known]
-    inverse = np.linalg.pinv(columns.T @ columns, rcond=1e-10, hermitian=True)
-    found = inverse @ (columns.T @ error)
-    pulls = np.zeros((int(study.search.blocks.max()) + 1, len(found)))
-    np.add.at(pulls, study.search.blocks[known], columns * (error - columns @ found)[:, None])
-    covariance = inverse @ (pulls.T @ pulls) @ inverse
-    told, rest = found[:2].tolist()
-    if max(covariance[0, 0], covariance[1, 1]) > PROPORTION_STD**2 or min(told, rest) <= 0.0:
-        return 0.0
-    return max(1.0 - abs(math.log(told / rest)) / math.log(PROPORTION), 0.0)
+    return (Through.ITSELF if told(present.fit.error_mps) >= TOLD else Through.UNRECORDED), margin
 
 
 def _unknown(signal: str) -> bool:

@@ -7,38 +7,24 @@ import pytest
 
 from cruise.identification.structures import parse
 from cruise.validation import mediator
-from cruise.validation.candidates import UNNAMED, EffectCandidate
-from cruise.validation.mediator import (
-    ALONE,
-    CLEAR,
-    DIRECT,
-    LONELY,
-    MEDIATED,
-    NOISY,
-    TOLD,
-    UNSEEN,
-    Through,
-    behind,
-    proportion,
-)
+from cruise.validation.candidates import UNNAMED
+from cruise.validation.mediator import ALONE, DIRECT, LONELY, MEDIATED, NOISY, TOLD, UNSEEN, Through, behind
 from cruise.validation.search import Judged
 from cruise.validation.study import Study, study
 from cruise.validation.unnamed import SPEED
-from tests.validation.driving import drive, wander
+from tests.validation.driving import drive
 
-STRUCTURE = parse("arx:na=1,nb=3,delay_s=0.4")
 CURVE = {"name": f"{UNNAMED}header_height_mm"}  # of a signal of which no effect of the table knows
 
 
 @pytest.fixture(scope="module")
 def begun() -> Study:
-    return study([drive(80.0, 4, 0.1, 0.02)], STRUCTURE, None, 0.2)
+    return study([drive(80.0, 4, 0.1, 0.02)], parse("arx:na=1,nb=3,delay_s=0.4"), None, 0.2)
 
 
 def said(begun: Study, left: float, instead: float, told: float, monkeypatch, **how) -> tuple[Through, float]:
     """The mediator leaves a share of the loss, the best direct cause takes a share of what it takes instead."""
     monkeypatch.setattr(mediator, "share_told", lambda *given: how.get("alone", told) if given[-1] else told)
-    monkeypatch.setattr(mediator, "proportion", lambda *given: how.get("even", 0.0))
 
     def leaves(share: float, name: str) -> Judged:
         return replace(begun.base, candidate=name, raw=share * np.ones_like(begun.base.raw))
@@ -70,12 +56,6 @@ def said(begun: Study, left: float, instead: float, told: float, monkeypatch, **
         (MEDIATED + 0.05, LONELY - 0.05, 0.9, {"first": False}, Through.RECORDED),
         (NOISY + 0.05, LONELY - 0.05, 0.9, {}, Through.RECORDED),
         (1.1, 0.0, 0.9, {}, Through.RECORDED),
-        (0.1, 0.1, TOLD - 0.05, {"even": 0.4}, Through.ITSELF),
-        (0.1, DIRECT + 0.05, TOLD - 0.05, {"even": 0.4}, Through.RECORDED),
-        (CLEAR + 0.05, 0.1, TOLD - 0.05, {"even": 0.4}, Through.UNRECORDED),
-        (CLEAR - 0.05, 0.1, TOLD - 0.05, {"even": 0.4, "first": False}, Through.UNRECORDED),
-        (MEDIATED + 0.05, LONELY + 0.05, 0.1, {"even": 0.4}, Through.RECORDED),
-        (NOISY + 0.05, 0.1, 0.9, {"even": 0.4}, Through.RECORDED),
     ],
 )
 def test_what_it_takes_away_tells_what_stands_behind_it(begun, left, instead, told, how, through, monkeypatch):
@@ -91,18 +71,3 @@ def test_it_is_the_surer_the_farther_it_is_from_a_limit(begun, monkeypatch):
     assert margin(0.05, 0.4) > margin(0.2, 0.4) > 0.0, "of what it leaves"
     assert margin(0.5, 0.05) > margin(0.5, 0.2) > 0.0, "of what another takes"
     assert margin(0.2, 0.05) == pytest.approx(1.0 - 0.05 / LONELY), "whichever is farther"
-
-
-@pytest.mark.parametrize(
-    ("recorded", "unrecorded", "shown", "even"),
-    [(1.0, 1.0, 1.0, True), (0.0, 1.0, 1.0, False), (1.0, 0.4, 1.0, False), (0.0, 1.0, 0.0, False)],
-)
-def test_what_leaks_costs_as_much_whatever_made_the_pressure(recorded, unrecorded, shown, even):
-    seconds, dt_s = 400.0, 0.1
-    count = round(seconds / dt_s)
-    slope, soil = (wander(count, dt_s, seed, 60.0, span_s) for seed, span_s in ((11, 5.0), (12, 3.0)))
-    columns = {"pitch_deg": slope / 20.0, "line_pressure_bar": 100.0 + shown * slope + soil}
-    lost_mps = -0.002 * (recorded * slope + unrecorded * soil)
-    one = study([drive(seconds, 4, dt_s, 0.02, load_mps=lost_mps, columns=columns)], STRUCTURE, None, 0.2)
-    leaks = one.search.grown(one.base.explanation, EffectCandidate("leakage"))
-    assert (proportion(one, one.base.fit, leaks) > 0.0) is even

@@ -91,11 +91,10 @@ class EffectCandidate:
     credit: float = 1.0
     longest_delay_s: float | None = None
     given: Effect | None = None  # where a fit of it has been before
-    known: Shapes = ()  # shapes that the signals themselves tell,
-    instead: Shapes = ()  # or these, whichever errs less
+    told: tuple[Shapes, ...] = ((),)  # by the signals themselves, in one way or another: whichever errs less
 
     def grown(self, explanation: Explanation) -> Iterator[Explanation]:
-        """One start for each of a few strengths, or where it has been before."""
+        """One start for each of a few strengths and every way in which shapes are told, or where it has been before."""
         if self.given is not None:
             yield with_effect(explanation, self.given)
             return
@@ -110,10 +109,10 @@ class EffectCandidate:
         elif self.name == "quadratic_gain":  # a parabola at first
             known = {"bend": 0.0}
         else:
-            known = dict(self.known)
-        for told in (known, dict(self.instead)) if self.instead else (known,):
+            known = {}
+        for told in self.told:
             for share in SHARES if shapes and self.name != "gear_ratio" else SHARES[:1]:
-                shape = {name: _on_the_way(bound, share) for name, bound in shapes.items()} | told
+                shape = {name: _on_the_way(bound, share) for name, bound in shapes.items()} | known | dict(told)
                 yield with_effect(explanation, kind() if self.name == "gear_ratio" else kind(**shape))
 
 
@@ -194,8 +193,7 @@ def candidates(recordings: Sequence[Recording], explanation: Explanation) -> tup
             found.append(ResonanceCandidate())
         else:
             credit = min((CONSEQUENCES.get(need, 1.0) for need in kind.needs if need != OUTPUT), default=1.0)
-            known, *instead = TOLD[name](recordings) if name in TOLD else ((),)
-            found.append(EffectCandidate(name, credit, known=known, instead=tuple(*instead)))
+            found.append(EffectCandidate(name, credit, told=TOLD[name](recordings) if name in TOLD else ((),)))
     return found, refused
 
 

@@ -121,9 +121,9 @@ def tried_beside(
 def _by_pressure(search: Search, present: Judged, one: Judged, everyone: Sequence[Candidate]) -> Judged:
     """A candidate as it is where line pressure says what of its signal the drive moves itself, if that is recorded."""
     candidate = next(candidate for candidate in everyone if candidate.name == one.candidate)
-    if not isinstance(candidate, EffectCandidate) or not candidate.instead:
+    if not isinstance(candidate, EffectCandidate) or len(candidate.told) == 1:
         return one
-    return search.judged(one.candidate, search.grown(present.explanation, replace(candidate, instead=())))
+    return search.judged(one.candidate, search.grown(present.explanation, replace(candidate, told=candidate.told[:1])))
 
 
 def of_its_own(before: float, one: float, told: float, held: float) -> bool:

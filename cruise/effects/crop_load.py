@@ -18,10 +18,9 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-import scipy  # its signal part, slow to load, is loaded where it is first used: the service does without
 
-from cruise.effects.effect import About, Effect, Parameter, Stage, State, Value, clip, dry, dry_over, where
-from cruise.effects.pull import AT_ONCE_S
+from cruise.effects.effect import About, Effect, Parameter, Stage, State, Value, dry, dry_over, where
+from cruise.effects.low_pass import followed, followed_over, share
 from cruise.signals import Signals
 
 
@@ -78,11 +77,10 @@ class CropLoad(Effect):
     def step(self, value: Value, past_speed: Value, signals: Signals, state: State, dt_s: float) -> tuple[Value, State]:
         """What of the present load the drive does not make itself."""
         before_mps, felt, held = state
-        share = dry(past_speed, self.crossover_mps, held, dt_s)
+        acting = dry(past_speed, self.crossover_mps, held, dt_s)
         now = self._taken(past_speed, before_mps, signals, dt_s)
-        followed = -np.expm1(-dt_s / clip(self.filter_s, AT_ONCE_S, math.inf))
-        taken = where(felt == felt, felt + followed * (now - felt), now)
-        return -taken * share, (past_speed, where(taken == taken, taken, felt), where(share == share, share, 0.0))
+        taken = followed(felt, now, share(self.filter_s, dt_s))
+        return -taken * acting, (past_speed, where(taken == taken, taken, felt), where(acting == acting, acting, 0.0))
 
     def over(
         self, values: Value, past_speeds: np.ndarray, signals: Mapping[str, np.ndarray], dt_s: float
@@ -93,8 +91,7 @@ class CropLoad(Effect):
         if not np.isfinite(now).all():
             return Effect.over(self, values, past_speeds, signals, dt_s)
         shares, held = dry_over(past_speeds, self.crossover_mps, dt_s)
-        rest = math.exp(-dt_s / max(self.filter_s, AT_ONCE_S))
-        taken, _ = scipy.signal.lfilter([1.0 - rest], [1.0, -rest], now, zi=[rest * now[0]])
+        taken = followed_over(now, self.filter_s, dt_s)
         return -taken * shares, (past_speeds, taken, held)
 
     def _taken(self, past_speed: Value, before_mps: Value, signals: Signals, dt_s: float) -> Value:

@@ -14,10 +14,9 @@ from dataclasses import dataclass
 from typing import ClassVar, Final
 
 import numpy as np
-import scipy  # its signal part, slow to load, is loaded where it is first used: the service does without
 
 from cruise.effects.effect import About, Effect, Parameter, Stage, State, Value, clip, where
-from cruise.effects.pull import AT_ONCE_S
+from cruise.effects.low_pass import followed, followed_over, share
 from cruise.signals import Signals
 
 STALLED: Final = 0.2  # share of the speed below which no diesel turns
@@ -60,8 +59,7 @@ class EngineDroop(Effect):
     def step(self, value: Value, past_speed: Value, signals: Signals, state: State, dt_s: float) -> tuple[Value, State]:
         """The gain so far, less what the engine has given way."""
         now_pct = signals["engine_load_pct"]
-        share = -np.expm1(-dt_s / clip(self.filter_s, AT_ONCE_S, math.inf))
-        felt_pct = where(state == state, state + share * (now_pct - state), now_pct)
+        felt_pct = followed(state, now_pct, share(self.filter_s, dt_s))
         return value * self._gain(felt_pct), where(felt_pct == felt_pct, felt_pct, state)
 
     def over(
@@ -71,8 +69,7 @@ class EngineDroop(Effect):
         now_pct = signals["engine_load_pct"]
         if not np.isfinite(now_pct).all():
             return Effect.over(self, values, past_speeds, signals, dt_s)
-        rest = math.exp(-dt_s / max(self.filter_s, AT_ONCE_S))
-        felt_pct, _ = scipy.signal.lfilter([1.0 - rest], [1.0, -rest], now_pct, zi=[rest * now_pct[0]])
+        felt_pct = followed_over(now_pct, self.filter_s, dt_s)
         return values * self._gain(felt_pct), felt_pct
 
     def _gain(self, felt_pct: Value) -> Value:

@@ -7,16 +7,15 @@ is not measured), m_0 = 15000 kg, s share of the mass. Source: equations 2 and 9
 F_G = m g sin(alpha).
 """
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-import scipy  # its signal part, slow to load, is loaded where it is first used: the service does without
 
 from cruise.effects.effect import EMPTY_KG, GRAVITY_MPS2, About, Effect, Parameter, Stage, State, Value, where
-from cruise.effects.pull import AT_ONCE_S, pull, unknown
+from cruise.effects.low_pass import followed_over
+from cruise.effects.pull import pull, unknown
 from cruise.signals import OUTPUT, Signals
 
 
@@ -72,10 +71,8 @@ class Grade(Effect):
         pitch_deg = signals["pitch_deg"]
         if measured_mps is None or not (np.isfinite(measured_mps).all() and np.isfinite(pitch_deg).all()):
             return Effect.over(self, values, past_speeds, signals, dt_s)
-        rest = math.exp(-dt_s / max(self.filter_s, AT_ONCE_S))
-        seen_mps2 = GRAVITY_MPS2 * np.sin(np.radians(pitch_deg))
-        slope_mps2, _ = scipy.signal.lfilter([1.0 - rest], [1.0, -rest], seen_mps2, zi=[rest * seen_mps2[0]])
-        followed_mps, _ = scipy.signal.lfilter([1.0 - rest], [1.0, -rest], measured_mps, zi=[rest * measured_mps[0]])
+        slope_mps2 = followed_over(GRAVITY_MPS2 * np.sin(np.radians(pitch_deg)), self.filter_s, dt_s)
+        followed_mps = followed_over(measured_mps, self.filter_s, dt_s)
         accel_mps2 = np.diff(followed_mps, prepend=measured_mps[0]) / dt_s
         mass_kg = np.asarray(signals.get("machine_mass_kg", EMPTY_KG), float)
         mass_kg = np.where(np.isfinite(mass_kg), mass_kg, EMPTY_KG)

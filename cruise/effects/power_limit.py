@@ -21,10 +21,9 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
-import numpy as np
-
 from cruise.effects.effect import EMPTY_KG, GRAVITY_MPS2, About, Effect, Parameter, Stage, State, Value, clip, where
-from cruise.effects.pull import AT_ONCE_S, pull, unknown
+from cruise.effects.low_pass import followed, share
+from cruise.effects.pull import pull, unknown
 from cruise.signals import OUTPUT, Signals
 
 UNLIMITED_KW: Final = 300.0  # kW: more than the drive line of any combine takes
@@ -84,8 +83,7 @@ class PowerLimit(Effect):
         pull_mps2, pulled = pull(signals, tuple(pulled), self.acceleration_share, self.filter_s, dt_s)
         demand_kw = _demand_kw(past_speed, pull_mps2, self.rolling_resistance, signals)
         now_kw = self.kn_per_bar * (signals.get("line_pressure_bar", math.nan) - self.rest_bar) * past_speed
-        share = -np.expm1(-dt_s / clip(self.filter_s, AT_ONCE_S, math.inf))
-        felt_kw = where(shown_kw == shown_kw, shown_kw + share * (now_kw - shown_kw), now_kw)
+        felt_kw = followed(shown_kw, now_kw, share(self.filter_s, dt_s))
         known = felt_kw == felt_kw  # NaN: not measured
         shown_kw = where(known, felt_kw, shown_kw)
         demand_kw = where(known * (self.kn_per_bar > 0.0), felt_kw, demand_kw)

@@ -9,14 +9,12 @@ is taken off. Source: specific force on an accelerometer, any textbook of inerti
 """
 
 import math
-from typing import Final
 
 import numpy as np
 
-from cruise.effects.effect import GRAVITY_MPS2, State, Value, clip, where
+from cruise.effects.effect import GRAVITY_MPS2, State, Value, where
+from cruise.effects.low_pass import followed, share
 from cruise.signals import OUTPUT, Signals
-
-AT_ONCE_S: Final = 1e-9  # s, a low-pass that is none at any period
 
 
 def unknown(like: Value) -> State:
@@ -31,13 +29,13 @@ def pull(
     pitch_deg = signals["pitch_deg"]
     sine = np.sin(np.radians(pitch_deg)) if isinstance(pitch_deg, np.ndarray) else math.sin(math.radians(pitch_deg))
     slope_mps2, speed_mps, accel_mps2 = state
-    share = -np.expm1(-dt_s / clip(filter_s, AT_ONCE_S, math.inf))
+    moved = share(filter_s, dt_s)
     seen_mps2 = GRAVITY_MPS2 * sine
-    slope_mps2 = where(slope_mps2 == slope_mps2, slope_mps2 + share * (seen_mps2 - slope_mps2), seen_mps2)
+    slope_mps2 = followed(slope_mps2, seen_mps2, moved)
     pull_mps2 = slope_mps2 - acceleration_share * accel_mps2
     measured_mps = signals.get(OUTPUT, math.nan)
     measured_mps = where(measured_mps == measured_mps, measured_mps, speed_mps)
     speed_mps = where(speed_mps == speed_mps, speed_mps, measured_mps)
-    followed_mps = speed_mps + share * (measured_mps - speed_mps)
+    followed_mps = speed_mps + moved * (measured_mps - speed_mps)
     accel_mps2 = where(followed_mps == followed_mps, (followed_mps - speed_mps) / dt_s, 0.0 * seen_mps2)
     return pull_mps2, (slope_mps2, followed_mps, accel_mps2)

@@ -14,13 +14,12 @@ from dataclasses import dataclass
 from typing import ClassVar, Final
 
 import numpy as np
-import scipy  # its signal part, slow to load, is loaded where it is first used: the service does without
 
-from cruise.effects.effect import About, Effect, Inverse, Parameter, Stage, State, Value, clip, where
+from cruise.effects.effect import About, Effect, Inverse, Parameter, Stage, State, Value, where
+from cruise.effects.low_pass import AT_ONCE_S, followed_over, share
 from cruise.signals import Signals
 
 UNLIMITED_MA_PER_S: Final = 10000.0  # mA/s: a tenth of a second to full current, within every servo's lag
-AT_ONCE_S: Final = 1e-9  # s, a lag that is none at any period
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,8 +61,9 @@ class RateLimit(Effect):
     def step(self, value: Value, past_speed: Value, signals: Signals, state: State, dt_s: float) -> tuple[Value, State]:
         """The last output, moved towards the current as far as lag and rate allow."""
         reach_ma = where(self.rate_ma_per_s < UNLIMITED_MA_PER_S, self.rate_ma_per_s * dt_s, math.inf)
-        share = -np.expm1(-dt_s / clip(self.lag_s, AT_ONCE_S, math.inf))
-        wanted = value - (1.0 - share) * (value - state)  # the current itself, to the bit, where there is no lag
+        wanted = value - (1.0 - share(self.lag_s, dt_s)) * (
+            value - state
+        )  # the current itself, to the bit, where there is no lag
         back_ma = self.return_share * reach_ma
         low = state - where(state > 0.0, back_ma, reach_ma)
         high = state + where(state < 0.0, back_ma, reach_ma)
@@ -79,7 +79,7 @@ class RateLimit(Effect):
         rest = math.exp(-dt_s / max(self.lag_s, AT_ONCE_S))
         current = np.broadcast_to(np.asarray(values, float), len(past_speeds))
         if len(current) and np.isfinite(current).all():
-            lagged = scipy.signal.lfilter([1.0 - rest], [1.0, -rest], current, zi=[rest * current[0]])[0]
+            lagged = followed_over(current, self.lag_s, dt_s)
             if np.max(np.abs(np.diff(lagged)), initial=0.0) <= min(reach_ma, self.return_share * reach_ma):
                 return lagged, lagged
         back_ma = self.return_share * reach_ma

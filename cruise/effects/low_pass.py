@@ -1,0 +1,32 @@
+"""Low-pass of first order, exact for what is held over each sample, step by step or over a whole recording.
+
+    z_k = z_(k-1) + l (x_k - z_(k-1)),   l = 1 - exp(-T / tau),   z_0 = x_0
+
+tau time constant in s, 0 for none, T period in s. Source: any textbook of sampled systems (zero-order hold).
+"""
+
+import math
+from typing import Final
+
+import numpy as np
+import scipy  # its signal part, slow to load, is loaded where it is first used: the service does without
+
+from cruise.effects.effect import Value, clip, where
+
+AT_ONCE_S: Final = 1e-9  # s, a low-pass that is none at any period
+
+
+def share(time_constant_s: Value, dt_s: float) -> Value:
+    """l, by which the low-pass moves towards its input within a sample."""
+    return -np.expm1(-dt_s / clip(time_constant_s, AT_ONCE_S, math.inf))
+
+
+def followed(before: Value, now: Value, moved: Value) -> Value:
+    """z after this sample, moved by the share l; NaN `before` is not known yet, NaN `now` is a hole and gives one."""
+    return where(before == before, before + moved * (now - before), now)
+
+
+def followed_over(values: np.ndarray, time_constant_s: float, dt_s: float) -> np.ndarray:
+    """z (N,) of values (N,) without a hole."""
+    rest = math.exp(-dt_s / max(time_constant_s, AT_ONCE_S))
+    return np.asarray(scipy.signal.lfilter([1.0 - rest], [1.0, -rest], values, zi=[rest * values[0]])[0])

@@ -19,11 +19,11 @@ import numpy as np
 
 from cruise.effects import EFFECTS, Stage
 from cruise.signals import INPUT
-from cruise.validation.candidates import MEDIATORS, UNNAMED, EffectCandidate, without
+from cruise.validation.candidates import MEDIATORS, UNNAMED, EffectCandidate, candidates, without
 from cruise.validation.foretold import share_told
 from cruise.validation.search import Judged, Search
 from cruise.validation.study import Study
-from cruise.validation.tried import LEAST_GAIN, LOOSE, SURE, Step, Tried, counted, enough
+from cruise.validation.tried import LEAST_GAIN, LOOSE, RESISTANCE, SURE, Step, Tried, counted, enough
 from cruise.validation.unnamed import SPEED
 
 SHOWN: Final = 0.05  # of the present loss: with less in its signal, it says nothing of the others
@@ -40,6 +40,8 @@ DIRECT: Final = 0.5  # of what it takes away: with more that a direct cause take
 NAMELESS: Final = 0.8  # or a curve without physics, where nothing else has been found,
 ALONE: Final = (0.65, 0.9)  # or that its signal alone foretells, and of what all signals do, if no effect knows it
 FORCES: Final = 2  # that such an effect may stand for, where it errs hardly more than all of them
+LEFT_BY_MANY: Final = 0.7  # of what all recorded forces leave together: with less, and while they take no more than
+BY_MANY: Final = 0.87  # of what it takes away, it is the one cause of them all
 TOLD: Final = 0.35  # of what it takes away: with less that is foretold, a force that nobody recorded acts there
 
 
@@ -51,11 +53,49 @@ class Through(Enum):
     UNRECORDED = auto()  # a force that nobody recorded: nothing foretells what it takes away
 
 
-def behind(study: Study, present: Judged, mediator: Judged, direct: Judged, first: bool) -> tuple[Through, float]:
+def behind(
+    study: Study, present: Judged, mediator: Judged, direct: Judged, chosen: Sequence[str]
+) -> tuple[Through, float]:
     """What stands behind the mediator, and, where that is no other cause, how far from its limits it is (0..1).
 
-    `direct` is the best of the other causes, `first` says if none is found yet.
+    `direct` is the best of the other causes, `chosen` are those that were found so far.
     """
+    through, margin = _one_by_one(study, present, mediator, direct, not chosen)
+    forces = [name for name in (*chosen, direct.candidate) if name in EFFECTS and EFFECTS[name].stage is Stage.LOAD]
+    if through is Through.RECORDED and forces == [direct.candidate] and direct.candidate not in RESISTANCE:
+        many = _more_than_many(study.search, present, mediator, direct)
+        return (Through.ITSELF, many) if many > 0.0 else (through, margin)
+    return through, margin
+
+
+def _more_than_many(search: Search, present: Judged, mediator: Judged, direct: Judged) -> float:
+    """How far the mediator is from leaving as much as all recorded forces do together (0..1), where they tell part.
+
+    What takes speed by the pressure takes it by every force in it, each by as much as it shows; the forces that are
+    recorded take part of that, be it each for itself, and what nobody recorded is left. A force that is missing is
+    taken by itself, and soil beside it is little of what is left; that is why what soil looks like is no such force.
+    """
+    most = DIRECT * present.loss + (1.0 - DIRECT) * mediator.loss
+    if mediator.loss > MEDIATED * present.loss or direct.loss > most or mediator.loss >= LEFT_BY_MANY * direct.loss:
+        return 0.0
+    many = _forces_together(search, present)
+    if present.loss - many.loss > BY_MANY * (present.loss - mediator.loss):
+        return 0.0
+    return max(1.0 - mediator.loss / (LEFT_BY_MANY * many.loss), 0.0)
+
+
+def _forces_together(search: Search, present: Judged) -> Judged:
+    """The explanation with all recorded forces, each beside those before it."""
+    possible, _ = candidates(search.scene.recordings, present.explanation)
+    for one in possible:
+        if EFFECTS[one.name].stage is Stage.LOAD and one.name not in MEDIATORS:
+            beside = search.judged(one.name, search.grown(present.explanation, one))
+            present = min(present, beside, key=lambda judged: judged.loss)
+    return present
+
+
+def _one_by_one(study: Study, present: Judged, mediator: Judged, direct: Judged, first: bool) -> tuple[Through, float]:
+    """What stands behind the mediator, held against the best of the other causes alone."""
     taken, left = present.loss - mediator.loss, mediator.loss / present.loss
     if left > NOISY:
         return Through.RECORDED, 0.0
@@ -148,8 +188,12 @@ def needed(present: Judged, mediator: Judged, alone: Tried, beside: Tried) -> bo
 
 
 def refuted(mediator: Judged, alone: Sequence[Tried]) -> tuple[str, ...]:
-    """What is no force, while the mediator leaves hardly more: nothing that is no force is needed beside it."""
-    return tuple(one.name for one in alone if _no_force(one.name) and mediator.loss < LOOSE * one.judged.loss)
+    """What is no force, while the mediator leaves hardly more: nothing that is no force is needed beside it.
+
+    A curve of a signal that only such effects read is none, either.
+    """
+    none = (one for one in alone if _no_force(one.name) or _curve_of_no_force(one.name))
+    return tuple(one.name for one in none if mediator.loss < LOOSE * one.judged.loss)
 
 
 def weighed(alone: Tried, beside: Tried | None) -> Tried:
@@ -167,3 +211,9 @@ def weighed(alone: Tried, beside: Tried | None) -> Tried:
 
 def _no_force(name: str) -> bool:
     return not name.startswith(UNNAMED) and EFFECTS[name].stage is not Stage.LOAD
+
+
+def _curve_of_no_force(name: str) -> bool:
+    signal = name.removeprefix(UNNAMED)
+    stages = {effect.stage for effect in EFFECTS.values() if signal in effect.needs}
+    return name.startswith(UNNAMED) and bool(stages) and Stage.LOAD not in stages

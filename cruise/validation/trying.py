@@ -161,7 +161,7 @@ def _said(
     moved = {one.name for one in alone if one.name.startswith(UNNAMED) and one.credit < 1.0}  # by the drive itself
     direct = [one.judged for one in alone if one.credit > 0.0 and one.name not in {*no_forces, *through, *moved}]
     best = min([present, *direct], key=lambda one: one.loss)
-    through_it, margin = behind(study, present, mediator.judged, best, not chosen)
+    through_it, margin = behind(study, present, mediator.judged, best, chosen)
     return Said(mediator.name, through_it, margin, None, {}, no_forces)
 
 

@@ -52,7 +52,7 @@ def test_nothing_is_missing_from_a_short_drive_without_an_effect(monkeypatch):
     monkeypatch.setitem(SECONDS, "clean", 240.0)
     held = run.hold(task("nothing", size=""), ())
     assert held.line.right, held.line
-    assert held.line.final_mps == pytest.approx(held.line.true_mps, rel=1e-3)
+    assert held.line.final_mps == pytest.approx(held.line.true_mps, rel=0.03)
 
 
 def test_the_experiments_that_an_ambiguous_verdict_names_resolve_it():

@@ -298,6 +298,17 @@ def test_leakage_is_one_cause_where_two_forces_would_act_in_just_the_proportion_
     assert (two.verdict, set(two.effects)) == (Verdict.MISSING, {"grade", "rolling_resistance"})
 
 
+def test_leakage_is_one_cause_where_the_slope_is_most_of_the_pressure_and_nobody_recorded_the_rest():
+    slope_bar = 800.0 * np.sin(np.radians(PITCH))
+    other_bar = wander(SAMPLES, DT_S, 13, 0.6 * float(np.std(slope_bar)), 4.0)
+    one = pressed(120.0 + slope_bar + other_bar, -0.004 * (slope_bar + other_bar))
+    assert (one.verdict, one.effects) == (Verdict.MISSING, ("leakage",))
+    alone = pressed(120.0 + slope_bar + other_bar, -0.004 * slope_bar)
+    assert (alone.verdict, alone.effects) == (Verdict.MISSING, ("grade",))
+    soil = pressed(120.0 + slope_bar + 0.25 * other_bar, -0.004 * (slope_bar + 0.25 * other_bar))
+    assert (soil.verdict, soil.effects) == (Verdict.MISSING, ("grade",))
+
+
 def test_one_recorded_signal_that_foretells_the_pressures_force_is_what_nobody_lists():
     pull_mps = 0.3 * np.cos((HEADER - 300.0) / 60.0)
     one = pressed(120.0 - 300.0 * (pull_mps + 0.1 * wander(SAMPLES, DT_S, 13, 0.2, 4.0)), pull_mps)

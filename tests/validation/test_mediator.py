@@ -8,9 +8,22 @@ import pytest
 from cruise.identification.structures import parse
 from cruise.validation import mediator
 from cruise.validation.candidates import UNNAMED
-from cruise.validation.mediator import ALONE, DIRECT, LONELY, MEDIATED, NOISY, TOLD, UNSEEN, Through, behind
+from cruise.validation.mediator import (
+    ALONE,
+    BY_MANY,
+    DIRECT,
+    LONELY,
+    MEDIATED,
+    NOISY,
+    TOLD,
+    UNSEEN,
+    Through,
+    behind,
+    refuted,
+)
 from cruise.validation.search import Judged
 from cruise.validation.study import Study, study
+from cruise.validation.tried import Tried
 from cruise.validation.unnamed import SPEED
 from tests.validation.driving import drive
 
@@ -29,8 +42,13 @@ def said(begun: Study, left: float, instead: float, told: float, monkeypatch, **
     def leaves(share: float, name: str) -> Judged:
         return replace(begun.base, candidate=name, raw=share * np.ones_like(begun.base.raw))
 
-    direct = leaves(1.0 - instead * (1.0 - left), how.get("name", "grade"))
-    return behind(begun, leaves(1.0, ""), leaves(left, "leakage"), direct, how.get("first", True))
+    def takes(share: float, name: str) -> Judged:
+        return leaves(1.0 - share * (1.0 - left), name)
+
+    together = takes(how.get("many", 1.0), "coulomb_friction")
+    monkeypatch.setattr(mediator, "_forces_together", lambda search, present: together)
+    direct = takes(instead, how.get("name", "grade"))
+    return behind(begun, leaves(1.0, ""), leaves(left, "leakage"), direct, how.get("chosen", ()))
 
 
 @pytest.mark.parametrize(
@@ -40,22 +58,30 @@ def said(begun: Study, left: float, instead: float, told: float, monkeypatch, **
         (0.1, 0.1, TOLD - 0.05, {}, Through.UNRECORDED),
         (0.1, DIRECT + 0.05, 0.9, {}, Through.RECORDED),
         (0.1, DIRECT + 0.05, 0.9, {"name": f"{UNNAMED}gear"}, Through.ITSELF),
-        (0.1, DIRECT + 0.05, 0.9, {"name": f"{UNNAMED}gear", "first": False}, Through.RECORDED),
+        (0.1, DIRECT + 0.05, 0.9, {"name": f"{UNNAMED}gear", "chosen": ("dead_zone",)}, Through.RECORDED),
         (0.1, DIRECT + 0.05, 0.9, CURVE | {"alone": 0.85}, Through.RECORDED),
         (0.1, DIRECT - 0.05, 0.9, CURVE | {"alone": 0.85}, Through.ITSELF),
         (0.1, DIRECT + 0.05, 0.9, CURVE | {"alone": 0.9 * ALONE[1] - 0.05}, Through.ITSELF),
         (0.1, DIRECT + 0.05, ALONE[0], CURVE | {"alone": ALONE[0] - 0.05}, Through.ITSELF),
         (0.1, DIRECT + 0.05, 0.9, CURVE | {"alone": 0.85, "name": f"{UNNAMED}gear"}, Through.ITSELF),
         (0.1, DIRECT + 0.05, 0.9, CURVE | {"alone": 0.85, "name": f"{UNNAMED}{SPEED}"}, Through.ITSELF),
-        (0.1, DIRECT + 0.05, 0.9, CURVE | {"alone": 0.85, "first": False}, Through.RECORDED),
+        (0.1, DIRECT + 0.05, 0.9, CURVE | {"alone": 0.85, "chosen": ("dead_zone",)}, Through.RECORDED),
         (MEDIATED + 0.05, LONELY - 0.05, 0.9, {}, Through.ITSELF),
         (UNSEEN - 0.05, LONELY - 0.05, TOLD - 0.05, {}, Through.UNRECORDED),
         (UNSEEN + 0.05, LONELY - 0.05, TOLD - 0.05, {}, Through.RECORDED),
         (UNSEEN - 0.05, LONELY + 0.05, TOLD - 0.05, {}, Through.RECORDED),
         (MEDIATED + 0.05, LONELY + 0.05, 0.9, {}, Through.RECORDED),
-        (MEDIATED + 0.05, LONELY - 0.05, 0.9, {"first": False}, Through.RECORDED),
+        (MEDIATED + 0.05, LONELY - 0.05, 0.9, {"chosen": ("dead_zone",)}, Through.RECORDED),
         (NOISY + 0.05, LONELY - 0.05, 0.9, {}, Through.RECORDED),
         (1.1, 0.0, 0.9, {}, Through.RECORDED),
+        (0.1, DIRECT + 0.2, 0.9, {"many": BY_MANY - 0.05}, Through.ITSELF),
+        (0.1, DIRECT + 0.2, 0.9, {"many": BY_MANY + 0.05}, Through.RECORDED),
+        (0.1, DIRECT + 0.2, 0.9, {"many": BY_MANY - 0.05, "chosen": ("dead_zone",)}, Through.ITSELF),
+        (0.1, DIRECT + 0.2, 0.9, {"many": BY_MANY - 0.05, "chosen": ("grade",)}, Through.RECORDED),
+        (0.1, DIRECT + 0.2, 0.9, {"many": BY_MANY - 0.05, "name": "rolling_resistance"}, Through.RECORDED),
+        (0.1, DIRECT + 0.2, 0.9, {"many": BY_MANY - 0.05, "name": "dead_zone"}, Through.RECORDED),
+        (MEDIATED + 0.05, DIRECT + 0.2, 0.9, {"many": BY_MANY - 0.05}, Through.RECORDED),
+        (0.26, DIRECT + 0.2, 0.9, {"many": BY_MANY - 0.01}, Through.RECORDED),
     ],
 )
 def test_what_it_takes_away_tells_what_stands_behind_it(begun, left, instead, told, how, through, monkeypatch):
@@ -71,3 +97,14 @@ def test_it_is_the_surer_the_farther_it_is_from_a_limit(begun, monkeypatch):
     assert margin(0.05, 0.4) > margin(0.2, 0.4) > 0.0, "of what it leaves"
     assert margin(0.5, 0.05) > margin(0.5, 0.2) > 0.0, "of what another takes"
     assert margin(0.2, 0.05) == pytest.approx(1.0 - 0.05 / LONELY), "whichever is farther"
+
+
+def test_a_curve_of_a_signal_that_no_force_reads_is_refuted_as_its_effects_are(begun):
+    def tried(name: str, share: float) -> Tried:
+        judged = replace(begun.base, candidate=name, raw=share * np.ones_like(begun.base.raw))
+        return Tried(name, 1.0 - share, 100.0, 1.0, 9.0, judged, judged)
+
+    names = ["gear_ratio", "grade", *(f"{UNNAMED}{one}" for one in ("gear", "pitch_deg", "header_height_mm", SPEED))]
+    judged = tried("leakage", 0.2).judged
+    assert refuted(judged, [tried(name, 0.3) for name in names]) == ("gear_ratio", f"{UNNAMED}gear")
+    assert refuted(judged, [tried(name, 0.15) for name in names]) == (), "they leave clearly less"

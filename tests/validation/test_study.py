@@ -113,7 +113,7 @@ def test_the_delay_is_no_longer_than_the_structure_can_represent():
     short = study([one], parse("arx:na=1,nb=1,delay_s=0"), None, PERIOD_S)
     assert short.search.longest_delay_s == pytest.approx(0.1)
     assert short.base.explanation.core.delay_s <= 0.1
-    assert study([one], parse("arx:na=1,nb=3,delay_s=0.4"), None, PERIOD_S).search.longest_delay_s == pytest.approx(0.9)
+    assert study([one], parse("arx:na=1,nb=3,delay_s=0.4"), None, PERIOD_S).search.longest_delay_s == pytest.approx(0.6)
     assert study([one], parse("arx:na=1,nb=40,delay_s=1"), None, PERIOD_S).search.longest_delay_s == 2.0
 
 

@@ -28,7 +28,7 @@ from .effects import EFFECTS, UNLISTED, ranges
 from .simulate import Columns, simulate
 from .trial import PERIOD_S, Tier
 
-MODEL: Final = "arx:na=1,nb=3,delay_s=0.5"  # that lacks the effect: low order, its delay may be up to 1 s
+MODEL: Final = "arx:na=1,nb=3,delay_s=0.5"  # that lacks the effect: low order, dead time up to its middle tap
 MODEL_PERIOD_S: Final = 0.2  # s, what the program takes unless told otherwise
 RATIOS: Final[Mapping[str, float]] = {
     "small": 1.3,

@@ -108,6 +108,8 @@ class EffectCandidate:
             known = {"share": HELD}
         elif self.name == "quadratic_gain":  # a parabola at first
             known = {"bend": 0.0}
+        elif self.name == "grade":  # as much downhill as uphill at first
+            known = {"downhill_share": 1.0}
         else:
             known = {}
         for told in self.told:
@@ -193,8 +195,13 @@ def candidates(recordings: Sequence[Recording], explanation: Explanation) -> tup
             found.append(ResonanceCandidate())
         else:
             credit = min((CONSEQUENCES.get(need, 1.0) for need in kind.needs if need != OUTPUT), default=1.0)
-            found.append(EffectCandidate(name, credit, told=TOLD[name](recordings) if name in TOLD else ((),)))
+            found.append(EffectCandidate(name, credit, told=told_shapes(name, recordings)))
     return found, refused
+
+
+def told_shapes(name: str, recordings: Sequence[Recording]) -> tuple[Shapes, ...]:
+    """Shapes of an effect that no fit looks for, in every way in which they may be."""
+    return TOLD[name](recordings) if name in TOLD else ((),)
 
 
 def _grade(recordings: Sequence[Recording]) -> tuple[Shapes]:
@@ -227,12 +234,19 @@ def _neutral(name: str, shapes: Sequence[str]) -> Shapes:
     return tuple((shape, EFFECTS[name].parameters[shape].neutral) for shape in shapes)
 
 
+def _zone(recordings: Sequence[Recording]) -> tuple[Shapes, ...]:
+    """Overlap or a detent: what lies between the two bends as much else does."""
+    return (("jump_share", 0.0),), (("jump_share", 1.0),)
+
+
 TOLD: Final[Mapping[str, Callable[[Sequence[Recording]], tuple[Shapes, ...]]]] = {
+    "dead_zone": _zone,
     "grade": _grade,
     "power_limit": _power,
     "crop_load": _crop,
 }
-"""Shapes of effects that the signals themselves tell; where they may be told in two ways, both."""
+"""Shapes of effects that no fit looks for: what the signals themselves tell, or one of two kinds; where there are two,
+both are tried."""
 
 
 def unnamed(recordings: Sequence[Recording], explanation: Explanation) -> list[UnnamedCandidate]:

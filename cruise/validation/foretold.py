@@ -6,10 +6,11 @@
 J derivatives of the error by the model's own parameters in units of a typical change, z_j what effect j takes away
 where it is fitted alone: every machine may have half of each of them. p_k and w_k come from gradient boosted trees that
 have not seen the block of time in which k lies. Those of p see the current as it is and was (bands of it, and plays,
-which remember where it came from), the speed of the model, the clock and every signal that the drive itself doesn't
-move: what answers to the drive would show them the error. Those of w see the clock alone: soil wanders slowly, and oil
-that warms up or a bin that fills tells the time as well as any clock. Noise, soil and wind that nobody recorded are not
-foretold by more than that; an effect that no one has named is, a memory of the current's included.
+which remember where it came from), the speed of the model, the clock, every signal that the drive itself doesn't move
+and how fast it moves (oil that turns the wheels is missing while they turn): what answers to the drive would show them
+the error. Those of w see the clock alone: soil wanders slowly, and oil that warms up or a bin that fills tells the time
+as well as any clock. Noise, soil and wind that nobody recorded are not foretold by more than that; an effect that no
+one has named is, a memory of the current's included.
 Source: J. H. Friedman, Greedy function approximation: a gradient boosting machine, Annals of Statistics 29 (2001) 1189.
 """
 
@@ -32,6 +33,7 @@ from cruise.validation.simulation import Scene
 from cruise.validation.unnamed import SPEED
 
 BANDS_S: Final = (0.2, 0.5, 1.0, 2.0, 4.0)  # time constants between the bands into which the current is cut
+RATE_S: Final = 0.5  # s over which it is seen how fast a signal moves
 PLAYS: Final = (0.01, 0.04, 0.1)  # half widths, of the range of the current
 ANSWERS: Final = frozenset({INPUT, OUTPUT, "pump_current_command_ma", "wheel_speed_mps"})
 """Current and speed, which are seen otherwise, and what is nearly one of them."""
@@ -153,11 +155,21 @@ def _seen(scene: Scene, modelled_mps: np.ndarray) -> Mapping[str, list[np.ndarra
     """Columns (N,) by the signal that they come from."""
     current = np.concatenate([_history(scene.current_ma[part], scene.period_s) for part in scene.parts], axis=1)
     signals = {
-        name: [column]
+        name: [column, np.concatenate([_pace(column[part], scene.period_s) for part in scene.parts])]
         for name, column in scene.signals.items()
         if name not in ANSWERS | MOVED and np.nanstd(column) > 0.0
     }
     return {INPUT: list(current), SPEED: [modelled_mps], **signals}
+
+
+def _pace(values: np.ndarray, period_s: float) -> np.ndarray:
+    """How fast a signal (N,) moves, either way, per s; over a hole as from one side to the other."""
+    known = np.isfinite(values)
+    if len(values) <= 1 or not known.any():
+        return np.zeros(len(values))
+    rate = np.abs(np.gradient(np.interp(np.arange(len(values)), np.flatnonzero(known), values[known]))) / period_s
+    rest = math.exp(-period_s / RATE_S)
+    return np.asarray(signal.lfilter([1.0 - rest], [1.0, -rest], rate))
 
 
 def _history(current_ma: np.ndarray, period_s: float) -> np.ndarray:

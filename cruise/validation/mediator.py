@@ -61,8 +61,8 @@ def behind(
     `direct` is the best of the other causes, `chosen` are those that were found so far.
     """
     through, margin = _one_by_one(study, present, mediator, direct, not chosen)
-    forces = [name for name in (*chosen, direct.candidate) if name in EFFECTS and EFFECTS[name].stage is Stage.LOAD]
-    if through is Through.RECORDED and forces == [direct.candidate] and direct.candidate not in RESISTANCE:
+    none_yet = not any(EFFECTS[name].stage is Stage.LOAD for name in chosen)
+    if through is Through.RECORDED and none_yet and _has_a_signal_of_its_own(direct.candidate):
         many = _more_than_many(study.search, present, mediator, direct)
         return (Through.ITSELF, many) if many > 0.0 else (through, margin)
     return through, margin
@@ -121,7 +121,16 @@ def _one_by_one(study: Study, present: Judged, mediator: Judged, direct: Judged,
     beyond = max((1.0 - MORE) * direct.loss, BEYOND * present.loss)
     if direct.loss - mediator.loss > beyond and told(direct.fit.error_mps) >= TOLD_BESIDE:
         return Through.ITSELF, margin
-    return (Through.ITSELF if told(present.fit.error_mps) >= TOLD else Through.UNRECORDED), margin
+    by_force = instead if _has_a_signal_of_its_own(direct.candidate) else 0.0
+    recorded = by_force >= TOLD or told(present.fit.error_mps) >= TOLD
+    return (Through.ITSELF if recorded else Through.UNRECORDED), margin
+
+
+def _has_a_signal_of_its_own(name: str) -> bool:
+    """Whether it is a recorded force, or a curve of its signal, and none of those that soil looks like."""
+    if name.startswith(UNNAMED):
+        return any(_has_a_signal_of_its_own(one) and name[len(UNNAMED) :] in EFFECTS[one].needs for one in EFFECTS)
+    return name in EFFECTS and EFFECTS[name].stage is Stage.LOAD and name not in (*RESISTANCE, *MEDIATORS)
 
 
 def _unknown(signal: str) -> bool:

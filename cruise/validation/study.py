@@ -17,7 +17,14 @@ from cruise.identification.structures import Family, Structure
 from cruise.model.model import Model
 from cruise.recording import Recording
 from cruise.signals import OUTPUT
-from cruise.validation.candidates import BY_SLOPE, Candidate, EffectCandidate, candidates, why_not
+from cruise.validation.candidates import (
+    BY_SLOPE,
+    Candidate,
+    EffectCandidate,
+    candidates,
+    told_shapes,
+    why_not,
+)
 from cruise.validation.explanation import START, Explanation
 from cruise.validation.line_pressure import force_of_a_bar
 from cruise.validation.search import Judged, Search
@@ -88,7 +95,8 @@ def study(
     found = search.fitted(explanation)
     for effect in effects:
         show(f"fitting with {effect.name}")
-        found = search.grown(found.explanation, EffectCandidate(effect.name, given=effect if file else None))
+        known, told = effect if file else None, told_shapes(effect.name, prepared)
+        found = search.grown(found.explanation, EffectCandidate(effect.name, given=known, told=told))
     return Study(tuple(prepared), search, search.served(search.judged("", found)), horizon_s, structure.delay_s)
 
 
@@ -136,5 +144,10 @@ def _fixed(effects: Sequence[Effect], recordings: Sequence[Recording]) -> frozen
         f"power_limit.{name}" for name in (BY_SLOPE["power_limit"] if force_of_a_bar(recordings) else ("rest_bar",))
     }
     unknown |= {"crop_load.traction_pct_per_bar_mps", "crop_load.rest_bar"}
-    reference = {"gear_ratio.gear_2_mps", "grade.acceleration_share", "power_limit.kn_per_bar"}
+    reference = {
+        "gear_ratio.gear_2_mps",
+        "grade.acceleration_share",
+        "power_limit.kn_per_bar",
+        "dead_zone.jump_share",
+    }
     return frozenset(unknown | reference)

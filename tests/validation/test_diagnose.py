@@ -61,6 +61,15 @@ def test_a_dead_zone_is_found_by_the_current_alone(dead_zone):
     assert effect.threshold_ma == pytest.approx(400.0, abs=6.0)
 
 
+def test_a_detent_is_a_dead_zone_that_gives_all_that_was_asked_for_beyond_it():
+    one = found(command=lambda u: np.where(np.abs(u) > 400.0, u, 0.0))
+    assert (one.verdict, one.effects) == (Verdict.MISSING, ("dead_zone",))
+    (effect,) = one.final.explanation.effects
+    assert isinstance(effect, DeadZone)
+    assert effect.threshold_ma == pytest.approx(400.0, abs=10.0), "no better than the least width of a jump"
+    assert effect.jump_share == 1.0
+
+
 def test_what_depends_on_a_column_that_no_effect_reads_is_unlisted(unlisted):
     assert unlisted.verdict is Verdict.UNLISTED
     assert unlisted.effects == ()

@@ -84,7 +84,16 @@ def test_without_noise_the_core_is_found_to_the_last_digits():
 
 
 SEEDS = range(8)
-NEUTRAL = frozenset({"dead_zone.edge_ma", "grade.mass_share", "grade.acceleration_share", "grade.filter_s"})
+NEUTRAL = frozenset(
+    {
+        "dead_zone.edge_ma",
+        "dead_zone.jump_share",
+        "grade.mass_share",
+        "grade.acceleration_share",
+        "grade.filter_s",
+        "grade.downhill_share",
+    }
+)
 SCATTERED = Explanation(TRUE, (DeadZone(300.0), Grade()), (0.3,), OFFSET_MPS)
 
 
@@ -243,7 +252,7 @@ def test_a_layout_and_its_vector_are_one_explanation():
     plan = layout(start, 1.0, GAIN, lambda name: not name.startswith("grade."))
     assert plan.explanation(plan.vector) == start
     assert {(slot.owner, slot.name) for slot in plan.slots if slot.owner == "grade"} == {("grade", "load")}
-    assert len(plan.slots) == 5 + 3 + 1 + 2 + 2 + 2 + 2 + 1 + 2
+    assert len(plan.slots) == 5 + 3 + 1 + 2 + 3 + 2 + 2 + 1 + 2
     changed = plan.explanation(plan.vector + 1e-3 * plan.scale)
     assert replace(plan, start=changed).vector == pytest.approx(plan.vector + 1e-3 * plan.scale)
     assert changed.effects[4] == start.effects[4]

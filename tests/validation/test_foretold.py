@@ -60,6 +60,15 @@ def test_a_law_that_nobody_named_is_and_its_signal_is_named():
     assert found.loss == pytest.approx(np.mean(law**2), rel=0.25)
 
 
+def test_so_is_what_acts_while_a_signal_moves_whichever_way():
+    """Oil that turns the wheels is missing at the drive while they turn."""
+    turned = 30.0 * np.sin(np.cumsum(np.repeat(RNG.choice([0.0, 0.0, 0.15], 200), 15)))[:N]
+    law = 0.06 * (np.abs(np.gradient(turned)) / DT_S > 3.0)
+    found = looked(NOISE + law, header_mm=300.0 + turned)
+    assert found.share > CHANCE
+    assert found.signals[0] == "header_height_mm"
+
+
 def test_what_wanders_as_slowly_as_a_clock_tells_is_none_of_it():
     """Soil, and a header that is lowered all the time: trees would read the clock off its height."""
     soil = wander(N, DT_S, 5, 0.05, 40.0)

@@ -237,6 +237,32 @@ def test_every_sample_that_can_be_is_judged_once_and_far_enough_ahead(seconds, h
     np.testing.assert_array_equal(np.isfinite(speed), scene.judged)
 
 
+def test_on_a_machine_that_stands_at_no_current_no_load_acts():
+    """Held by its brakes on a slope: the grade that pulls it as soon as it moves says nothing there."""
+    samples = 400
+    time_s = PERIOD_S * np.arange(samples)
+    stands = (time_s > 30.0) & (time_s < 55.0)
+    one = Recording(
+        time_s,
+        {
+            INPUT: np.where(stands, 0.0, 800.0),
+            OUTPUT: np.where(stands, 0.01, 1.5),
+            "pitch_deg": np.full(samples, 5.0),
+        },
+        PERIOD_S,
+        "hill.csv",
+    )
+    uphill = Explanation(CORE, (Grade(),), (0.5,), 0.0)
+    (speed,), (level,) = (scene_of(one).simulate([explanation]) for explanation in (uphill, Explanation(CORE)))
+    held, moves = (time_s > 40.0) & (time_s < 54.0), (time_s > 70.0) & np.isfinite(speed)
+    assert np.abs(speed[held]).max() < 0.01
+    pull_mps = 0.5 * 9.81 * np.sin(np.radians(5.0))
+    np.testing.assert_allclose(level[moves] - speed[moves], pull_mps, atol=0.02)
+    crept = Recording(one.time_s, {**one.columns, OUTPUT: np.where(stands, -0.4, 1.5)}, PERIOD_S, "rolls.csv")
+    (rolled,) = scene_of(crept).simulate([uphill])
+    assert rolled[held].max() < -0.9 * pull_mps, "one that rolls back is not held"
+
+
 def test_recordings_are_never_joined():
     """Each of them simulated alone says the same, with every memory begun anew."""
     first, second = recording(), recording(30.0, seed=1)

@@ -193,7 +193,7 @@ def test_columns_that_not_all_recordings_have_are_left_out():
 def test_a_candidate_by_name(plain):
     assert candidate("transport_delay", plain.recordings) == DelayCandidate()
     assert candidate("resonance", plain.recordings) == ResonanceCandidate()
-    assert candidate("dead_zone", plain.recordings) == EffectCandidate("dead_zone")
+    assert candidate("hysteresis", plain.recordings) == EffectCandidate("hysteresis")
     with pytest.raises(
         FitError, match=r"^grade can't be added: pitch_deg is not recorded; record a drive in which it is"
     ):

@@ -1,0 +1,50 @@
+"""The dead zone: overlap that opens from nothing, and a detent that lets through at once all that was asked for."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cruise.effects.dead_zone import DeadZone
+from cruise.effects.effect import Inverse
+
+OVERLAP, DETENT = DeadZone(threshold_ma=300.0), DeadZone(threshold_ma=300.0, jump_share=1.0)
+
+
+def drives(zone: DeadZone, current_ma: float) -> float:
+    return float(zone.step(current_ma, 0.0, {}, 0.0, 0.1)[0])
+
+
+def test_overlap_takes_the_threshold_off_and_a_detent_takes_nothing_off_beyond_it():
+    assert drives(OVERLAP, 500.0) == pytest.approx(200.0)
+    assert drives(DETENT, 500.0) == pytest.approx(500.0)
+    for zone in (OVERLAP, DETENT):
+        assert drives(zone, 200.0) == pytest.approx(0.0, abs=1e-2)
+        assert drives(zone, 0.0) == 0.0
+        assert drives(zone, -500.0) == -drives(zone, 500.0)
+    half = DeadZone(threshold_ma=300.0, jump_share=0.5)
+    assert drives(half, 500.0) == pytest.approx(350.0)
+
+
+def test_a_detent_opens_within_a_few_widths_and_rises_throughout():
+    current_ma = np.linspace(-600.0, 600.0, 2401)
+    for edge_ma in (0.0, 8.0, 40.0):
+        zone = DeadZone(threshold_ma=300.0, edge_ma=edge_ma, jump_share=1.0)
+        drive_ma, _ = zone.step(current_ma, 0.0, {}, 0.0, 0.1)
+        assert np.all(np.diff(drive_ma) >= 0.0)
+        assert drives(zone, 300.0) == pytest.approx(150.0)
+        width_ma = max(edge_ma, 8.0)
+        assert drives(zone, 300.0 - 6.0 * width_ma) < 1.0
+        assert drives(zone, 300.0 + 6.0 * width_ma) > 299.0
+
+
+@pytest.mark.parametrize("share", [1.0, 0.4])
+@pytest.mark.parametrize("edge_ma", [0.0, 30.0])
+def test_the_inverse_leads_back_to_the_value_and_to_the_edge_where_it_jumps(share, edge_ma):
+    zone = DeadZone(threshold_ma=300.0, edge_ma=edge_ma, jump_share=share)
+    for value in (1.0, -40.0, 150.0, -299.0, 700.0):
+        found = zone.inverse(value, {}, 0.0)
+        assert found.low == found.high
+        assert math.copysign(1.0, found.low) == math.copysign(1.0, value)
+        assert drives(zone, found.low) == pytest.approx(value, abs=1e-3)
+    assert zone.inverse(0.0, {}, 0.0) == Inverse(0.0, 0.0)

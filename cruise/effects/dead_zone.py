@@ -45,6 +45,7 @@ class DeadZone(Effect):
     name = "dead_zone"
     stage = Stage.COMMAND
     needs = ()
+    kind = "jump_share"
     parameters: ClassVar = {
         "threshold_ma": Parameter("mA", 0.0, 800.0, 0.0, "current at which the servo begins to move"),
         "edge_ma": Parameter("mA", 0.0, 150.0, 0.0, "width over which it begins, a quarter of the threshold at most"),

@@ -91,6 +91,7 @@ class Effect(ABC):
     either_sign: ClassVar[bool] = False  # of a load: whether it may also push; most only take speed
     parameters: ClassVar[Mapping[str, Parameter]]
     by_pressure: ClassVar[tuple[str, ...]] = ()  # parameters that say what the line pressure means; neutral: nothing
+    kind: ClassVar[str] = ""  # parameter that says which of two kinds it is: at one end of its bounds or at the other
     about: ClassVar[About]
     acts_as: ClassVar[Stage]  # the stage at whose place in the equation it stands: its own, unless it names another
 

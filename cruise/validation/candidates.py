@@ -200,7 +200,14 @@ def candidates(recordings: Sequence[Recording], explanation: Explanation) -> tup
 
 
 def told_shapes(name: str, recordings: Sequence[Recording]) -> tuple[Shapes, ...]:
-    """Shapes of an effect that no fit looks for, in every way in which they may be."""
+    """Shapes of an effect that no fit looks for, in every way in which they may be: told by signals, or of its kinds.
+
+    What lies between two kinds bends as much else does.
+    """
+    kind = EFFECTS[name].kind if name in EFFECTS else ""
+    if kind:
+        bound = EFFECTS[name].parameters[kind]
+        return ((kind, bound.low),), ((kind, bound.high),)
     return TOLD[name](recordings) if name in TOLD else ((),)
 
 
@@ -234,19 +241,12 @@ def _neutral(name: str, shapes: Sequence[str]) -> Shapes:
     return tuple((shape, EFFECTS[name].parameters[shape].neutral) for shape in shapes)
 
 
-def _zone(recordings: Sequence[Recording]) -> tuple[Shapes, ...]:
-    """Overlap or a detent: what lies between the two bends as much else does."""
-    return (("jump_share", 0.0),), (("jump_share", 1.0),)
-
-
 TOLD: Final[Mapping[str, Callable[[Sequence[Recording]], tuple[Shapes, ...]]]] = {
-    "dead_zone": _zone,
     "grade": _grade,
     "power_limit": _power,
     "crop_load": _crop,
 }
-"""Shapes of effects that no fit looks for: what the signals themselves tell, or one of two kinds; where there are two,
-both are tried."""
+"""Shapes of effects that the signals themselves tell; where they may be told in two ways, both."""
 
 
 def unnamed(recordings: Sequence[Recording], explanation: Explanation) -> list[UnnamedCandidate]:

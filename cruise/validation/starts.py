@@ -154,14 +154,13 @@ def _between(
 def _mixed(one: Explanation, other: Explanation) -> Explanation:
     """Shapes in the middle between those of two explanations with the same effects: in ratios where both have one.
 
-    Between both ends of a bound, which are two kinds of an effect, there is no middle.
+    Between two kinds of an effect there is no middle.
     """
     effects = []
     for mine, its in zip(one.effects, other.effects, strict=True):
         pairs = {name: (getattr(mine, name), getattr(its, name)) for name in mine.parameters}
         middles = {name: math.sqrt(a * b) if min(a, b) > 0.0 else 0.5 * (a + b) for name, (a, b) in pairs.items()}
-        kinds = {name for name, bound in mine.parameters.items() if set(pairs[name]) == {bound.low, bound.high}}
-        middles |= {name: pairs[name][0] for name in kinds}
+        middles |= {mine.kind: pairs[mine.kind][0]} if mine.kind else {}
         effects.append(mine if mine == its else mine.reshaped(**middles))
     return replace(one, effects=tuple(effects))
 

@@ -144,10 +144,6 @@ def _fixed(effects: Sequence[Effect], recordings: Sequence[Recording]) -> frozen
         f"power_limit.{name}" for name in (BY_SLOPE["power_limit"] if force_of_a_bar(recordings) else ("rest_bar",))
     }
     unknown |= {"crop_load.traction_pct_per_bar_mps", "crop_load.rest_bar"}
-    reference = {
-        "gear_ratio.gear_2_mps",
-        "grade.acceleration_share",
-        "power_limit.kn_per_bar",
-        "dead_zone.jump_share",
-    }
-    return frozenset(unknown | reference)
+    reference = {"gear_ratio.gear_2_mps", "grade.acceleration_share", "power_limit.kn_per_bar"}
+    kinds = {f"{name}.{effect.kind}" for name, effect in EFFECTS.items() if effect.kind}
+    return frozenset(unknown | reference | kinds)

@@ -15,7 +15,7 @@ import numpy as np
 
 from cruise.effects import EFFECTS
 from cruise.validation.background import STRUCTURAL, Background
-from cruise.validation.candidates import MEDIATORS, UNNAMED, Candidate, EffectCandidate, without
+from cruise.validation.candidates import MEDIATORS, UNNAMED, Candidate, EffectCandidate, told_shapes, without
 from cruise.validation.explanation import Explanation
 from cruise.validation.fitting import Fit
 from cruise.validation.mediator import SHOWN, SILENT, Said, Through, behind, may_be_needed, needed, refuted, weighed
@@ -64,7 +64,7 @@ def tried_beside(
     """
     search = study.search
     if chosen and effort is THOROUGH:  # what was missing may have hidden that the core is
-        present = search.served(present)
+        present = search.served(_of_the_best_kind(study, present))
     fits = _fitted(search, present, everyone, chosen, show, effort, known)
     before = present.fit
     if fits:  # the best fit's core may be a better start for what is there, too
@@ -116,6 +116,21 @@ def tried_beside(
     tried = sorted((weighed(one, said.beside.get(one.name)) for one in tried), key=counted, reverse=True)
     unrecorded = said.name if said.through is Through.UNRECORDED else ""
     return Step(present, tuple(tried), background, unrecorded, said.forces, said.refuted, said.margin)
+
+
+def _of_the_best_kind(study: Study, present: Judged) -> Judged:
+    """The same with every effect that may be of one kind or another as the one that errs least beside the others.
+
+    A detent and overlap are told apart only once what else is missing is there.
+    """
+    for effect in present.explanation.effects:
+        bare = without(present.explanation, effect.name)
+        ways = told_shapes(effect.name, study.recordings)
+        for told in ways if len(ways) > 1 else ():
+            if any(getattr(effect, name) != value for name, value in told):
+                other = study.search.grown(bare, EffectCandidate(effect.name, told=(told,)))
+                present = min(present, study.search.judged(present.candidate, other), key=lambda one: one.loss)
+    return present
 
 
 def _by_pressure(search: Search, present: Judged, one: Judged, everyone: Sequence[Candidate]) -> Judged:

@@ -9,7 +9,7 @@ from cruise.effects.coulomb_friction import CoulombFriction
 from cruise.effects.dead_zone import DeadZone
 from cruise.effects.quadratic_gain import QuadraticGain
 from cruise.effects.rate_limit import RateLimit
-from cruise.validation.candidates import TOLD, EffectCandidate, with_effect
+from cruise.validation.candidates import EffectCandidate, told_shapes, with_effect
 from cruise.validation.fitting import bounded
 from cruise.validation.search import Search
 from cruise.validation.starts import NEARLY, Promise, Starts, apart
@@ -45,7 +45,7 @@ def test_starts_lie_between_the_best_option_and_its_neighbours_too():
 
 def test_between_two_kinds_of_an_effect_lies_no_start():
     search = search_of(recorded(240.0, command=lambda u: np.where(np.abs(u) > 260.0, u, 0.0)))
-    options = list(EffectCandidate("dead_zone", told=TOLD["dead_zone"]([])).grown(START))
+    options = list(EffectCandidate("dead_zone", told=told_shapes("dead_zone", [])).grown(START))
     promising = Starts(search.scene, search.plan(START)).promising(options)
     zones = [zone for one in promising for zone in one.start.effects if isinstance(zone, DeadZone)]
     assert {zone.jump_share for zone in zones} == {0.0, 1.0}

@@ -105,7 +105,8 @@ def inputs_of(subject: Effect) -> tuple[str, ...]:
 def curves(subject: Effect) -> list[Curve]:
     """The effect with neutral, moderate and strong shape; one curve where it has no shape.
 
-    Where several parameters differ, one curve more for each but the first: strong, with only that one neutral.
+    Where several parameters differ, one curve more for each but the first: strong, with only that one neutral, or with
+    the other of two kinds.
     """
     if not subject.parameters:
         return [Curve(subject, subject.name, {"color": BLUE})]
@@ -117,7 +118,8 @@ def curves(subject: Effect) -> list[Curve]:
     unlike = {name: bound for name, bound in subject.parameters.items() if name not in _alike(subject)}
     others = [(name, bound) for name, bound in unlike.items() if name not in subject.by_pressure][1:]
     for (name, bound), style in zip(others, HELD_BACK, strict=False):
-        effect = drawn[2].effect.reshaped(**{name: bound.neutral})
+        other = _moved(bound, 1.0 if _ascends(bound) else -1.0) if name == subject.kind else bound.neutral
+        effect = drawn[2].effect.reshaped(**{name: other})
         drawn.append(Curve(effect, _label(effect, STRONG), style))
     return drawn
 
@@ -136,7 +138,7 @@ def shape(subject: Effect, share: float) -> dict[str, float]:
     """
     alike = _alike(subject)
     sides = {name: share if _ascends(bound) else -share for name, bound in subject.parameters.items()}
-    sides |= dict.fromkeys(subject.by_pressure, 0.0)
+    sides |= dict.fromkeys((*subject.by_pressure, *([subject.kind] if subject.kind else [])), 0.0)
     sides |= dict(zip(alike, np.linspace(-share, share, len(alike)).tolist(), strict=True))
     return {name: _moved(bound, sides[name]) for name, bound in subject.parameters.items()}
 

@@ -89,6 +89,7 @@ class Effect(ABC):
     helps: ClassVar[tuple[str, ...]] = ()  # signals that it uses where they are measured, and does without elsewhere
     reads_speed: ClassVar[bool] = False  # whether `past_speed` matters to it
     either_sign: ClassVar[bool] = False  # of a load: whether it may also push; most only take speed
+    brakes_hold: ClassVar[bool] = False  # of a load: whether it is none while the brakes hold a machine that stands
     parameters: ClassVar[Mapping[str, Parameter]]
     by_pressure: ClassVar[tuple[str, ...]] = ()  # parameters that say what the line pressure means; neutral: nothing
     kind: ClassVar[str] = ""  # parameter that says which of two kinds it is: at one end of its bounds or at the other

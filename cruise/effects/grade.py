@@ -28,6 +28,7 @@ class Grade(Effect):
     stage = Stage.LOAD
     needs = ("pitch_deg",)
     helps = ("machine_mass_kg", OUTPUT)
+    brakes_hold = True
     parameters: ClassVar = {
         "mass_share": Parameter("-", 0.0, 1.0, 0.0, "how far the loss grows with the mass; 1 is in proportion"),
         "acceleration_share": Parameter("-", 0.0, 1.0, 0.0, "how far the sensor takes acceleration for slope"),

@@ -65,11 +65,6 @@ class Candidate(Protocol):
         """Share of its gain that counts against others."""
         ...
 
-    @property
-    def longest_delay_s(self) -> float | None:
-        """Bound of the core's delay with it, where it is another than the model's own."""
-        ...
-
     def grown(self, explanation: Explanation) -> Iterator[Explanation]:
         """The explanation with the candidate, once for every place where a fit may start."""
         ...
@@ -89,7 +84,6 @@ class EffectCandidate:
 
     name: str
     credit: float = 1.0
-    longest_delay_s: float | None = None
     given: Effect | None = None  # where a fit of it has been before
     told: tuple[Shapes, ...] = ((),)  # by the signals themselves, in one way or another: whichever errs less
 
@@ -124,7 +118,6 @@ class DelayCandidate:
 
     name: str = "transport_delay"
     credit: float = 1.0
-    longest_delay_s: float | None = CORE["delay_s"].high
 
     def grown(self, explanation: Explanation) -> Iterator[Explanation]:
         """From the delay as it is, and from half a second more."""
@@ -140,7 +133,6 @@ class ResonanceCandidate:
 
     name: str = "resonance"
     credit: float = 1.0
-    longest_delay_s: float | None = None
 
     def grown(self, explanation: Explanation) -> Iterator[Explanation]:
         """From four frequencies, weak: what is too strong, and at another frequency, is led away from it."""
@@ -158,7 +150,6 @@ class UnnamedCandidate:
     centre: float
     half_width: float
     credit: float = 1.0
-    longest_delay_s: float | None = None
     knots: tuple[float, ...] = ()  # of the current alone, in mA
 
     @property

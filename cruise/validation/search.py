@@ -81,12 +81,15 @@ class Search:
 
     # -- fits
 
-    def plan(self, start: Explanation, longest_delay_s: float | None = None) -> Layout:
-        limit_s = self.longest_delay_s if longest_delay_s is None else longest_delay_s
-        return layout(start, limit_s, self.gain_scale, lambda name: name not in self.fixed)
+    def most_delay_s(self, explanation: Explanation) -> float:
+        """Dead time in s that the core may have: what the model can represent, or all where more of it was missing."""
+        return CORE["delay_s"].high if "transport_delay" in explanation.structural else self.longest_delay_s
 
-    def fitted(self, start: Explanation, longest_delay_s: float | None = None, steps: int = ORDINARY_STEPS) -> Fit:
-        return fit(self.scene, self.plan(start, longest_delay_s), as_it_is, steps)
+    def plan(self, start: Explanation) -> Layout:
+        return layout(start, self.most_delay_s(start), self.gain_scale, lambda name: name not in self.fixed)
+
+    def fitted(self, start: Explanation, steps: int = ORDINARY_STEPS) -> Fit:
+        return fit(self.scene, self.plan(start), as_it_is, steps)
 
     def grown(self, explanation: Explanation, candidate: Candidate) -> Fit:
         """The best joint fit of the explanation with the candidate, from every start that the candidate offers."""
@@ -101,10 +104,10 @@ class Search:
             gained = options[0].told and any(one.cost < starts.before for one in fits)
             if len(fits) == MOST_STARTS or (gained and promise.left > NEARLY * options[0].left):
                 break
-            fits.append(self.fitted(starts.nearest(promise.start), candidate.longest_delay_s, QUICK_STEPS))
+            fits.append(self.fitted(starts.nearest(promise.start), QUICK_STEPS))
         if min(one.cost for one in fits) > starts.before:  # no promise was kept: so weak that little can go wrong
             weakest = min(options, key=lambda one: one.place)
-            fits.append(self.fitted(starts.nearest(weakest.start), candidate.longest_delay_s, QUICK_STEPS))
+            fits.append(self.fitted(starts.nearest(weakest.start), QUICK_STEPS))
         return min(fits, key=lambda one: one.cost)
 
     def grown_from_all(self, explanation: Explanation, candidate: Candidate) -> Fit:
@@ -112,11 +115,11 @@ class Search:
 
         What promises most to first order may lead to a corner that is rounded instead of one further on.
         """
-        starts, limit_s = self._starts_beside(explanation), candidate.longest_delay_s
+        starts = self._starts_beside(explanation)
         options = starts.promising(list(candidate.grown(explanation)))
-        fits = [self.fitted(starts.nearest(one.start), limit_s, ONE_STEP) for one in options]
+        fits = [self.fitted(starts.nearest(one.start), ONE_STEP) for one in options]
         best = sorted(fits, key=lambda one: one.cost)[:MOST_STARTS]
-        fits = [self.fitted(one.explanation, limit_s, QUICK_STEPS) for one in best]
+        fits = [self.fitted(one.explanation, QUICK_STEPS) for one in best]
         return self.finished(min(fits, key=lambda one: one.cost))
 
     def served(self, present: Judged) -> Judged:
@@ -133,7 +136,7 @@ class Search:
         fits = [self.fitted(replace(present.explanation, core=one)) for one in paired]
         judged = self.judged(present.candidate, min(fits, key=lambda one: one.cost))
         served = judged.explanation.core
-        late = served.delay_s > (1.0 - AT_BOUND) * self.longest_delay_s
+        late = served.delay_s > (1.0 - AT_BOUND) * self.most_delay_s(judged.explanation)
         if late or served.servo_hz < (1.0 + AT_BOUND) * CORE["servo_hz"].low:
             return present
         sure = sureness(present, judged, np.random.default_rng(SERVO_SEED)) >= SERVO_SURE

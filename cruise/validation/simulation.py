@@ -8,7 +8,7 @@ dragged along for longer than a segment, and all segments advance together as on
 is computed ahead of the recursion, once for all explanations that agree on it.
 
 A machine that stands while no current is asked for is held by its brakes or by the oil that is shut in, on any slope:
-there no load acts.
+there no load acts that they hold.
 """
 
 from collections.abc import Sequence
@@ -217,7 +217,8 @@ class Scene:
                     gain = gain * self.over(effect, 1.0, "gain")[0]
                 elif effect.acts_as is Stage.LOAD:
                     if i not in reading:
-                        load += one.loads[place] * np.where(self.held, 0.0, self.over(effect, 0.0, "load")[0])
+                        phi = self.over(effect, 0.0, "load")[0]
+                        load += one.loads[place] * (np.where(self.held, 0.0, phi) if effect.brakes_hold else phi)
                     place += 1
             gained[row], forced[row] = gain, load
         poles = np.array([one.core.pole(self.period_s) for one in batch])[:, None]

@@ -27,7 +27,6 @@ class TermCandidate:
     recordings: tuple[Recording, ...]
     name: str
     credit: float = 1.0
-    longest_delay_s: float | None = None
 
     def starts(self) -> list[Custom]:
         """The term with the parameters that a fit may start from."""

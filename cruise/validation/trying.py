@@ -19,11 +19,11 @@ from cruise.validation.candidates import MEDIATORS, UNNAMED, Candidate, EffectCa
 from cruise.validation.explanation import Explanation
 from cruise.validation.fitting import Fit
 from cruise.validation.mediator import SHOWN, SILENT, Said, Through, behind, may_be_needed, needed, refuted, weighed
-from cruise.validation.search import Judged, Search, gain, sureness
+from cruise.validation.search import AT_BOUND, Judged, Search, gain, sureness
 from cruise.validation.side_by_side import side_by_side
 from cruise.validation.slip import slip_mps
 from cruise.validation.study import Study
-from cruise.validation.tried import LEAST_GAIN, RESISTANCE, Step, Tried, counted, held_out
+from cruise.validation.tried import LEAST_GAIN, LOOSE, RESISTANCE, Step, Tried, counted, held_out
 
 MOVED: Final = 0.03  # of the cost, by which a better core makes all be tried anew from it
 PLAIN: Final = 0.5  # of what the best cause leaves: with less, a consequence of the drive is a cause all the same
@@ -97,6 +97,8 @@ def tried_beside(
             told = _by_pressure(search, present, one, everyone)
             if not of_its_own(present.loss, one.loss, told.loss, held):
                 credit[one.candidate] = 0.0
+    if _stands_in_for_dead_time(search, judged):
+        credit["resonance"] = 0.0
     alone = [
         Tried(one.candidate, gain(present, one), 0.0, credit[one.candidate], sureness(present, one, rng), one, one)
         for one in judged
@@ -116,6 +118,17 @@ def tried_beside(
     tried = sorted((weighed(one, said.beside.get(one.name)) for one in tried), key=counted, reverse=True)
     unrecorded = said.name if said.through is Through.UNRECORDED else ""
     return Step(present, tuple(tried), background, unrecorded, said.forces, said.refuted, said.margin)
+
+
+def _stands_in_for_dead_time(search: Search, judged: Sequence[Judged]) -> bool:
+    """Whether a resonance needs all the dead time that the model may have, and more of it leaves hardly more."""
+    found = {one.candidate: one for one in judged}
+    if not {"resonance", "transport_delay"} <= set(found):
+        return False
+    resonance, delay = found["resonance"], found["transport_delay"]
+    core, most_s = resonance.explanation.core, search.most_delay_s(resonance.explanation)
+    late = core.delay_s > (1.0 - AT_BOUND) * most_s
+    return late and delay.loss < LOOSE * resonance.loss
 
 
 def _of_the_best_kind(study: Study, present: Judged) -> Judged:

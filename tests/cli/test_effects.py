@@ -163,7 +163,8 @@ def test_every_picture_shows_what_each_further_parameter_does(name):
     drawn = [key for key in ALL[name].parameters if key not in ALL[name].by_pressure]
     assert len(held_back) == len(drawn) - 1
     for one, key in zip(held_back, drawn[1:], strict=True):
-        assert one.effect == strong.effect.reshaped(**{key: getattr(neutral.effect, key)})
+        other = ALL[name].parameters[key].high if key == ALL[name].kind else getattr(neutral.effect, key)
+        assert one.effect == strong.effect.reshaped(**{key: other})
         assert max(difference(lines[strong.label], lines[one.label]) for lines in drawn_panels(name)) > VISIBLE
 
 

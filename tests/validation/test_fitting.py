@@ -283,7 +283,8 @@ def test_numbers_at_their_upper_bound_are_differentiated_inwards():
     search = search_of(by_the_model(SCATTERED, 1, 60.0), longest_delay_s=0.33)
     plan = search.plan(SCATTERED)
     _, slopes = Objective(search.scene, plan, lambda errors: errors).differences(plan.vector)
-    wider = search.plan(SCATTERED, 1.0)
+    wider = search.plan(replace(SCATTERED, structural=frozenset({"transport_delay"})))
+    assert (plan.slots[1].high, wider.slots[1].high) == (0.33, 2.0)
     _, same = Objective(search.scene, wider, lambda errors: errors).differences(wider.vector)
     assert slopes[:, 1] == pytest.approx(same[:, 1], rel=0.02, abs=0.02 * np.max(np.abs(same[:, 1])))
     assert np.max(np.abs(slopes[:, 1])) > 0.1

@@ -237,7 +237,7 @@ def test_every_sample_that_can_be_is_judged_once_and_far_enough_ahead(seconds, h
     np.testing.assert_array_equal(np.isfinite(speed), scene.judged)
 
 
-def test_on_a_machine_that_stands_at_no_current_no_load_acts():
+def test_a_slope_does_not_act_on_a_machine_that_stands_at_no_current():
     """Held by its brakes on a slope: the grade that pulls it as soon as it moves says nothing there."""
     samples = 400
     time_s = PERIOD_S * np.arange(samples)

@@ -64,7 +64,7 @@ def tried_beside(
     """
     search = study.search
     if chosen and effort is THOROUGH:  # what was missing may have hidden that the core is
-        present = search.served(_of_the_best_kind(study, present))
+        present = search.served(of_the_best_kind(study, present))
     fits = _fitted(search, present, everyone, chosen, show, effort, known)
     before = present.fit
     if fits:  # the best fit's core may be a better start for what is there, too
@@ -97,7 +97,7 @@ def tried_beside(
             told = _by_pressure(search, present, one, everyone)
             if not of_its_own(present.loss, one.loss, told.loss, held):
                 credit[one.candidate] = 0.0
-    if _stands_in_for_dead_time(search, judged):
+    if stands_in_for_dead_time(search, judged):
         credit["resonance"] = 0.0
     alone = [
         Tried(one.candidate, gain(present, one), 0.0, credit[one.candidate], sureness(present, one, rng), one, one)
@@ -120,7 +120,7 @@ def tried_beside(
     return Step(present, tuple(tried), background, unrecorded, said.forces, said.refuted, said.margin)
 
 
-def _stands_in_for_dead_time(search: Search, judged: Sequence[Judged]) -> bool:
+def stands_in_for_dead_time(search: Search, judged: Sequence[Judged]) -> bool:
     """Whether a resonance needs all the dead time that the model may have, and more of it leaves hardly more."""
     found = {one.candidate: one for one in judged}
     if not {"resonance", "transport_delay"} <= set(found):
@@ -131,7 +131,7 @@ def _stands_in_for_dead_time(search: Search, judged: Sequence[Judged]) -> bool:
     return late and delay.loss < LOOSE * resonance.loss
 
 
-def _of_the_best_kind(study: Study, present: Judged) -> Judged:
+def of_the_best_kind(study: Study, present: Judged) -> Judged:
     """The same with every effect that may be of one kind or another as the one that errs least beside the others.
 
     A detent and overlap are told apart only once what else is missing is there.

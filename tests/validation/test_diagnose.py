@@ -70,14 +70,6 @@ def test_a_detent_is_a_dead_zone_that_gives_all_that_was_asked_for_beyond_it():
     assert effect.jump_share == 1.0
 
 
-def test_dead_time_stays_found_while_what_else_is_missing_is_looked_for():
-    slope_mps = -0.35 * GRAVITY_MPS2 * np.sin(np.radians(PITCH))
-    one = drive(SECONDS, 4, DT_S, 0.02, columns={"pitch_deg": PITCH}, load_mps=slope_mps)
-    short = diagnose(study([one], parse("arx:na=1,nb=1,delay_s=0"), None, PERIOD_S))
-    assert (short.verdict, set(short.effects)) == (Verdict.MISSING, {"transport_delay", "grade"})
-    assert short.final.explanation.core.delay_s == pytest.approx(0.3, abs=0.05)
-
-
 def test_what_depends_on_a_column_that_no_effect_reads_is_unlisted(unlisted):
     assert unlisted.verdict is Verdict.UNLISTED
     assert unlisted.effects == ()

@@ -15,7 +15,7 @@ from cruise.model import prediction
 from cruise.model.core import Core
 from cruise.recording import Recording
 from cruise.signals import OUTPUT
-from cruise.validation.candidates import DelayCandidate, EffectCandidate, ResonanceCandidate
+from cruise.validation.candidates import DelayCandidate, EffectCandidate, ResonanceCandidate, without
 from cruise.validation.explanation import CORE, Explanation
 from cruise.validation.fitting import FAR, Fit, Objective, fit, layout
 from cruise.validation.search import Search
@@ -191,6 +191,10 @@ def test_a_delay_beyond_the_models_own_and_a_resonance_are_found():
     found = search.grown(base.explanation, DelayCandidate())
     assert found.explanation.core.delay_s == pytest.approx(1.25, abs=0.05)
     assert "transport_delay" in found.explanation.names
+    beside = search.grown(found.explanation, EffectCandidate("quadratic_gain"))
+    assert beside.explanation.core.delay_s == pytest.approx(1.25, abs=0.05), "what was found stays"
+    bare = search.fitted(without(found.explanation, "transport_delay"))
+    assert bare.explanation.core.delay_s <= 0.5
     truth = replace(TRUE, resonance_share=0.5, resonance_hz=0.7, damping=0.15)
     search = search_of(by_the_model(Explanation(truth, (), (), OFFSET_MPS), 2))
     found = search.grown(search.fitted(START).explanation, ResonanceCandidate())

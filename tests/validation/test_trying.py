@@ -5,23 +5,25 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cruise.effects.dead_zone import DeadZone
 from cruise.identification.structures import parse
 from cruise.validation import trying
-from cruise.validation.candidates import UNNAMED, candidates, unnamed
+from cruise.validation.candidates import UNNAMED, candidates, unnamed, with_effect
 from cruise.validation.fitting import Fit
 from cruise.validation.mediator import Through
 from cruise.validation.search import Judged, Search
 from cruise.validation.study import Study, study
 from cruise.validation.tried import Step
-from cruise.validation.trying import MOVED, of_its_own, tried_beside
+from cruise.validation.trying import MOVED, of_its_own, of_the_best_kind, stands_in_for_dead_time, tried_beside
 from tests.validation.driving import drive, wander
 
 PERIOD_S = 0.2
+PLAIN = "arx:na=1,nb=3,delay_s=0.4"
 
 
 @pytest.fixture(scope="module")
 def plain() -> Study:
-    return study([drive(160.0)], parse("arx:na=1,nb=3,delay_s=0.4"), None, PERIOD_S)
+    return study([drive(160.0)], parse(PLAIN), None, PERIOD_S)
 
 
 def tried(one: Study, present: Judged) -> Step:
@@ -110,3 +112,37 @@ def test_a_load_of_the_engine_that_holds_back_as_friction_alone_does_says_nothin
 )
 def test_what_the_pressure_tells_of_the_drive_and_friction_leave_must_be_a_share_of_what_a_load_takes(told, held, own):
     assert of_its_own(1.0, 0.4, told, held) is own
+
+
+def test_a_resonance_that_needs_all_the_dead_time_there_may_be_stands_in_for_more_of_it(plain):
+    def judged(name: str, delay_s: float, loss: float) -> Judged:
+        core = replace(plain.base.explanation.core, delay_s=delay_s)
+        vector = plain.search.plan(replace(plain.base.explanation, core=core))
+        return replace(
+            plain.base,
+            candidate=name,
+            fit=replace(plain.base.fit, layout=vector, vector=vector.vector),
+            raw=loss * np.ones_like(plain.base.raw),
+        )
+
+    most_s = plain.search.longest_delay_s
+    delay = judged("transport_delay", 1.4, 1.0)
+    assert stands_in_for_dead_time(plain.search, [judged("resonance", most_s, 0.95), delay])
+    assert not stands_in_for_dead_time(plain.search, [judged("resonance", 0.8 * most_s, 0.95), delay]), "it has room"
+    assert not stands_in_for_dead_time(plain.search, [judged("resonance", most_s, 0.7), delay]), "it rings"
+    assert not stands_in_for_dead_time(plain.search, [judged("resonance", most_s, 0.95)])
+
+
+def test_of_two_kinds_the_one_that_errs_less_beside_the_others_is_kept():
+    one = study(
+        [drive(160.0, 5, 0.1, 0.02, command=lambda u: np.maximum(u - 350.0, 0.0))], parse(PLAIN), None, PERIOD_S
+    )
+    detent = with_effect(one.base.explanation, DeadZone(350.0, jump_share=1.0))
+    wrong = one.search.judged("", one.search.fitted(detent))
+    right = of_the_best_kind(one, wrong)
+    (zone,) = right.explanation.effects
+    assert isinstance(zone, DeadZone)
+    assert zone.jump_share == 0.0
+    assert zone.threshold_ma == pytest.approx(350.0, abs=8.0)
+    assert right.loss < 0.5 * wrong.loss
+    assert of_the_best_kind(one, right).explanation == right.explanation

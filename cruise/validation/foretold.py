@@ -72,7 +72,7 @@ class Foretold:
 def foretold(scene: Scene, present: Fit, others: Sequence[Fit], blocks: np.ndarray) -> Foretold:
     """How much of the error of a fit is foretold across `blocks` (N,) of time, a little of all `others` beside it."""
     error_mps = beside(present, others)
-    seen = {CLOCK: [_clock(scene)], **_seen(scene, scene.speed_mps - bounded(present.error_mps))}
+    seen = {CLOCK: [_clock(scene)], **_seen(scene, scene.speed_mps - bounded(present.error_mps), pace=True)}
     told, without = _across(seen, error_mps, blocks)
     drift, _ = _across({CLOCK: seen[CLOCK]}, error_mps, blocks, mixed=False)
     known = np.isfinite(error_mps)
@@ -96,7 +96,7 @@ def share_told(scene: Scene, present: Fit, part_mps: np.ndarray, blocks: np.ndar
 
     By all that is recorded, or `by` one signal and the model's speed alone.
     """
-    seen = _seen(scene, scene.speed_mps - bounded(present.error_mps))
+    seen = _seen(scene, scene.speed_mps - bounded(present.error_mps), pace=False)
     seen = {name: seen[name] for name in (by, SPEED)} if by else seen
     whole, _ = _across(seen, part_mps, blocks, mixed=False)
     known = np.isfinite(part_mps)
@@ -151,14 +151,16 @@ def _clock(scene: Scene) -> np.ndarray:
     return np.concatenate([scene.period_s * np.arange(part.start, part.stop) for part in scene.parts])
 
 
-def _seen(scene: Scene, modelled_mps: np.ndarray) -> Mapping[str, list[np.ndarray]]:
-    """Columns (N,) by the signal that they come from."""
+def _seen(scene: Scene, modelled_mps: np.ndarray, pace: bool) -> Mapping[str, list[np.ndarray]]:
+    """Columns (N,) by the signal that they come from, with how fast it moves or without."""
     current = np.concatenate([_history(scene.current_ma[part], scene.period_s) for part in scene.parts], axis=1)
     signals = {
-        name: [column, np.concatenate([_pace(column[part], scene.period_s) for part in scene.parts])]
+        name: [column]
         for name, column in scene.signals.items()
         if name not in ANSWERS | MOVED and np.nanstd(column) > 0.0
     }
+    for columns in signals.values() if pace else ():
+        columns.append(np.concatenate([_pace(columns[0][part], scene.period_s) for part in scene.parts]))
     return {INPUT: list(current), SPEED: [modelled_mps], **signals}
 
 

@@ -43,6 +43,7 @@ FURTHER: Final = 75.0  # evidence from which a further effect is one, as no form
 LEAST_FURTHER: Final = 0.25  # likewise, of the present loss,
 LEAST_SHARE: Final = 0.04  # and of the loss before the effect that was found last, whose form may be as wrong;
 LEAST_DYNAMIC: Final = 0.1  # the same share for two that change the dynamics, where no core's form is exact, either,
+LEAST_COMMAND: Final = 0.12  # for what acts on the command beside hysteresis, of which no form is exact, either,
 LEAST_STRUCTURAL: Final = 0.15  # and for one of the core's own structure, beside which something else was found;
 PLAINLY: Final = (12.0, 0.3, 0.1)  # or evidence times gain, where it takes more of both: no wrong form leaves so much
 MOST: Final = 0.5  # of the present loss: what takes more of it, and nearly all that can be explained, may be any share
@@ -176,6 +177,8 @@ def least_share(name: str, chosen: Sequence[str]) -> float:
     """What a further effect must take away, of the loss before the effect that was found last."""
     if name in DYNAMICS and not DYNAMICS.isdisjoint(chosen):
         return LEAST_DYNAMIC
+    if "hysteresis" in chosen and name in EFFECTS and EFFECTS[name].stage is Stage.COMMAND:
+        return LEAST_COMMAND
     return LEAST_STRUCTURAL if name in STRUCTURAL else LEAST_SHARE
 
 

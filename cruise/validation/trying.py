@@ -121,11 +121,13 @@ def tried_beside(
 
 
 def stands_in_for_dead_time(search: Search, judged: Sequence[Judged]) -> bool:
-    """Whether a resonance needs all the dead time that the model may have, and more of it leaves hardly more."""
+    """Whether a resonance needs all the dead time that there may be, and more of it leaves hardly more, or is not to be
+    had."""
     found = {one.candidate: one for one in judged}
-    if not {"resonance", "transport_delay"} <= set(found):
+    resonance = found.get("resonance")
+    if resonance is None:
         return False
-    resonance, delay = found["resonance"], found["transport_delay"]
+    delay = found.get("transport_delay", resonance)
     core, most_s = resonance.explanation.core, search.most_delay_s(resonance.explanation)
     late = core.delay_s > (1.0 - AT_BOUND) * most_s
     return late and delay.loss < LOOSE * resonance.loss

@@ -12,6 +12,7 @@ from cruise.validation.candidates import UNNAMED
 from cruise.validation.diagnose import diagnose
 from cruise.validation.mediator import MEDIATED
 from cruise.validation.search import Judged
+from cruise.validation.selection import LEAST_COMMAND, least_share
 from cruise.validation.tried import (
     ANYHOW,
     BEYOND_DOUBT,
@@ -270,3 +271,9 @@ def test_a_curve_of_the_speed_is_the_effects_that_are_a_law_of_the_speed_alone()
         "crop_load",
     }
     assert not any(selection._of_the_same(name, OUTPUT) for name in EFFECTS)
+
+
+def test_what_acts_on_the_command_beside_hysteresis_must_be_more_than_its_form():
+    assert least_share("dead_zone", ["hysteresis"]) == LEAST_COMMAND > least_share("dead_zone", ["grade"])
+    assert least_share("grade", ["hysteresis"]) == least_share("grade", ["dead_zone"]) < LEAST_COMMAND
+    assert least_share("unnamed:pump_current_ma", ["hysteresis"]) < LEAST_COMMAND

@@ -130,7 +130,8 @@ def test_a_resonance_that_needs_all_the_dead_time_there_may_be_stands_in_for_mor
     assert stands_in_for_dead_time(plain.search, [judged("resonance", most_s, 0.95), delay])
     assert not stands_in_for_dead_time(plain.search, [judged("resonance", 0.8 * most_s, 0.95), delay]), "it has room"
     assert not stands_in_for_dead_time(plain.search, [judged("resonance", most_s, 0.7), delay]), "it rings"
-    assert not stands_in_for_dead_time(plain.search, [judged("resonance", most_s, 0.95)])
+    assert stands_in_for_dead_time(plain.search, [judged("resonance", most_s, 0.95)]), "more is not to be had"
+    assert not stands_in_for_dead_time(plain.search, [delay])
 
 
 def test_of_two_kinds_the_one_that_errs_less_beside_the_others_is_kept():

@@ -1,11 +1,10 @@
 """Grade: on a slope, a part of the machine's weight pulls along the ground.
 
-    phi = -p (1 + s (m / m_0 - 1)), downhill d times that,   p = slope less r times the acceleration, low-passed by tau
+    phi = -p (1 + s (m / m_0 - 1)),   p = slope less r times the acceleration, through a low-pass of tau
 
 p in m/s2 as in `pull`: r share of the acceleration that the pitch sensor takes for slope; m mass in kg (m_0 where it
-is not measured), m_0 = 15000 kg, s share of the mass; d share of what a slope costs that the same slope gives back, as
-the drive that holds the machine back has another stiffness than the one that pulls it. Source: equations 2 and 9 and
-Table VI of Coen et al. 2005: F_G = m g sin(alpha); that the two ways differ is an assumption of this program.
+is not measured), m_0 = 15000 kg, s share of the mass. Source: equations 2 and 9 and Table VI of Coen et al. 2005:
+F_G = m g sin(alpha).
 """
 
 from collections.abc import Mapping
@@ -22,7 +21,7 @@ from cruise.signals import OUTPUT, Signals
 
 @dataclass(frozen=True, slots=True)
 class Grade(Effect):
-    """phi = -p (1 + mass_share (m / 15000 kg - 1)) in m/s2, p slope less acceleration; less downhill."""
+    """phi = -(slope less what of it is acceleration) (1 + mass_share (m / 15000 kg - 1)), in m/s2."""
 
     name = "grade"
     stage = Stage.LOAD
@@ -33,7 +32,6 @@ class Grade(Effect):
         "mass_share": Parameter("-", 0.0, 1.0, 0.0, "how far the loss grows with the mass; 1 is in proportion"),
         "acceleration_share": Parameter("-", 0.0, 1.0, 0.0, "how far the sensor takes acceleration for slope"),
         "filter_s": Parameter("s", 0.0, 4.0, 0.0, "time constant through which the slope is seen"),
-        "downhill_share": Parameter("-", 0.3, 1.5, 1.0, "what a slope gives back downhill, of what it costs uphill"),
     }
     about: ClassVar = About(
         physics="Uphill, the component of the weight along the slope pulls the machine back; downhill it pushes. The "
@@ -41,8 +39,7 @@ class Grade(Effect):
         "the softer the drive, the more of the force shows in the speed, and the more of the mass with it. A pitch "
         "sensor reads acceleration as slope (1 m/s2 looks like 5.8 degrees), so that a part of every start and stop "
         "is in the pitch too: slope that lasts is evidence, pitch during a change of speed is not.",
-        equation="phi = -p (1 + s (m / 15000 kg - 1)), downhill d times that,  p = 9.81 m/s2 sin(alpha) - r dv/dt, "
-        "through a low-pass of tau",
+        equation="phi = -(9.81 m/s2 sin(alpha) - r dv/dt) (1 + s (m / 15000 kg - 1)), through a low-pass of tau",
         source="Coen et al. 2005, equations 2 and 9, Table VI (90 % of the DC gain at +3.3 deg)",
         signature="the residual follows -sin(pitch) slowly, at any speed and current, and changes sign with the "
         "direction of the slope",
@@ -55,7 +52,6 @@ class Grade(Effect):
     mass_share: float = 0.0
     acceleration_share: float = 0.0
     filter_s: float = 0.0
-    downhill_share: float = 1.0
 
     def start(self, like: Value) -> State:
         """What `pull` remembers: nothing yet."""
@@ -63,8 +59,10 @@ class Grade(Effect):
 
     def step(self, value: Value, past_speed: Value, signals: Signals, state: State, dt_s: float) -> tuple[Value, State]:
         """The pull of the slope, for the present mass."""
+        mass_kg = signals.get("machine_mass_kg", EMPTY_KG)
+        mass_kg = where(mass_kg == mass_kg, mass_kg, EMPTY_KG)  # NaN: not measured
         pull_mps2, state = pull(signals, state, self.acceleration_share, self.filter_s, dt_s)
-        return self._lost(pull_mps2, signals.get("machine_mass_kg", EMPTY_KG)), state
+        return -pull_mps2 * (1.0 + self.mass_share * (mass_kg / EMPTY_KG - 1.0)), state
 
     def over(
         self, values: Value, past_speeds: np.ndarray, signals: Mapping[str, np.ndarray], dt_s: float
@@ -78,12 +76,8 @@ class Grade(Effect):
         followed_mps = followed_over(measured_mps, self.filter_s, dt_s)
         accel_mps2 = np.diff(followed_mps, prepend=measured_mps[0]) / dt_s
         mass_kg = np.asarray(signals.get("machine_mass_kg", EMPTY_KG), float)
+        mass_kg = np.where(np.isfinite(mass_kg), mass_kg, EMPTY_KG)
         before_mps2 = np.concatenate([[0.0], accel_mps2[:-1]])
         pull_mps2 = slope_mps2 - self.acceleration_share * before_mps2
-        return self._lost(pull_mps2, mass_kg), (slope_mps2, followed_mps, accel_mps2)
-
-    def _lost(self, pull_mps2: Value, mass_kg: Value) -> Value:
-        """What the pull takes, for the present mass."""
-        mass_kg = where(mass_kg == mass_kg, mass_kg, EMPTY_KG)  # NaN: not measured
-        share = where(pull_mps2 < 0.0, self.downhill_share, 1.0)
-        return -share * pull_mps2 * (1.0 + self.mass_share * (mass_kg / EMPTY_KG - 1.0))
+        phi = -pull_mps2 * (1.0 + self.mass_share * (mass_kg / EMPTY_KG - 1.0))
+        return phi, (slope_mps2, followed_mps, accel_mps2)

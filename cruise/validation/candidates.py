@@ -102,8 +102,6 @@ class EffectCandidate:
             known = {"share": HELD}
         elif self.name == "quadratic_gain":  # a parabola at first
             known = {"bend": 0.0}
-        elif self.name == "grade":  # as much downhill as uphill at first
-            known = {"downhill_share": 1.0}
         else:
             known = {}
         for told in self.told:
@@ -191,15 +189,17 @@ def candidates(recordings: Sequence[Recording], explanation: Explanation) -> tup
 
 
 def told_shapes(name: str, recordings: Sequence[Recording]) -> tuple[Shapes, ...]:
-    """Shapes of an effect that no fit looks for, in every way in which they may be: told by signals, or of its kinds.
+    """Shapes of an effect that no fit looks for, in every way in which they may be: told by signals, or by its kind."""
+    return TOLD[name](recordings) if name in TOLD else kinds_of(name)
 
-    What lies between two kinds bends as much else does.
-    """
+
+def kinds_of(name: str) -> tuple[Shapes, ...]:
+    """The shape that says of which kind an effect is, for each of them: what lies between bends as much else does."""
     kind = EFFECTS[name].kind if name in EFFECTS else ""
-    if kind:
-        bound = EFFECTS[name].parameters[kind]
-        return ((kind, bound.low),), ((kind, bound.high),)
-    return TOLD[name](recordings) if name in TOLD else ((),)
+    if not kind:
+        return ((),)
+    bound = EFFECTS[name].parameters[kind]
+    return ((kind, bound.low),), ((kind, bound.high),)
 
 
 def _grade(recordings: Sequence[Recording]) -> tuple[Shapes]:

@@ -22,7 +22,7 @@ from cruise.validation.candidates import (
     Candidate,
     EffectCandidate,
     candidates,
-    told_shapes,
+    kinds_of,
     why_not,
 )
 from cruise.validation.explanation import START, Explanation
@@ -95,8 +95,8 @@ def study(
     found = search.fitted(explanation)
     for effect in effects:
         show(f"fitting with {effect.name}")
-        known, told = effect if file else None, told_shapes(effect.name, prepared)
-        found = search.grown(found.explanation, EffectCandidate(effect.name, given=known, told=told))
+        mine = EffectCandidate(effect.name, given=effect if file else None, told=kinds_of(effect.name))
+        found = search.grown(found.explanation, mine)
     return Study(tuple(prepared), search, search.served(search.judged("", found)), horizon_s, structure.delay_s)
 
 

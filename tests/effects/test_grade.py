@@ -20,11 +20,6 @@ def test_thirty_degrees_uphill_pull_back_with_half_the_weight():
     assert phi(Grade(), pitch_deg=-30.0) == pytest.approx(4.905)
 
 
-def test_downhill_it_gives_back_the_share_of_what_it_costs_uphill():
-    assert phi(Grade(downhill_share=0.7), pitch_deg=30.0) == pytest.approx(-4.905)
-    assert phi(Grade(downhill_share=0.7), pitch_deg=-30.0) == pytest.approx(0.7 * 4.905)
-
-
 @pytest.mark.parametrize(("share", "factor"), [(0.0, 1.0), (0.5, 1.2), (1.0, 1.4)])
 def test_a_heavier_machine_loses_more_by_the_share(share, factor):
     level = phi(Grade(), pitch_deg=3.0)

@@ -135,7 +135,7 @@ def test_verdicts_as_clear_as_these_are_sure(which, request):
     if one.verdict is Verdict.NOTHING:
         assert one.confidence > 0.5
         return
-    assert one.confidence > 0.8
+    assert one.confidence > (0.75 if one.verdict is Verdict.UNLISTED else 0.8)
     assert one.margin > 2.0 * ALIKE
     best = one.steps[0].tried[0]
     rivals = [each for each in one.steps[0].tried[1:] if not each.name.startswith(UNNAMED)]

@@ -91,7 +91,6 @@ NEUTRAL = frozenset(
         "grade.mass_share",
         "grade.acceleration_share",
         "grade.filter_s",
-        "grade.downhill_share",
     }
 )
 SCATTERED = Explanation(TRUE, (DeadZone(300.0), Grade()), (0.3,), OFFSET_MPS)

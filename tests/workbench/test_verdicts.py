@@ -26,9 +26,9 @@ def nothing() -> Recording:
 
 
 def late() -> Recording:
-    """Nothing but half a second more of dead time."""
+    """Nothing but 0.3 s more of dead time."""
     one = nothing()
-    return replace(one, columns=dict(one.columns) | {INPUT: np.append(one.input[5:], np.full(5, one.input[-1]))})
+    return replace(one, columns=dict(one.columns) | {INPUT: np.append(one.input[3:], np.full(3, one.input[-1]))})
 
 
 def unlisted() -> Recording:

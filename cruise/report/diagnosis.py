@@ -211,11 +211,12 @@ def _all(names: Sequence[str], word: str = "and") -> str:
 def late(found: Diagnosis) -> str:
     """What to do where the dead time is so much longer than the model's that its taps have to hold it; else empty."""
     found_s, given_s, period_s = found.final.explanation.core.delay_s, found.study.delay_s, found.study.period_s
-    if "transport_delay" in found.effects or found_s < given_s + period_s:
+    periods = round((found_s - given_s) / period_s)
+    if "transport_delay" in found.effects or periods < 1:
         return ""
     return (
         f"the dead time is {found_s:.2f} s, and the model's is {given_s:g} s: its taps can hold the rest; compare "
-        f"says whether delay_s={given_s + period_s * math.floor((found_s - given_s) / period_s + 1e-6):.3g} errs less"
+        f"says whether delay_s={given_s + period_s * periods:.3g} errs less"
     )
 
 

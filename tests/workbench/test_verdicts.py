@@ -26,9 +26,9 @@ def nothing() -> Recording:
 
 
 def late() -> Recording:
-    """Nothing but 0.3 s more of dead time."""
+    """Nothing but 0.4 s more of dead time."""
     one = nothing()
-    return replace(one, columns=dict(one.columns) | {INPUT: np.append(one.input[3:], np.full(3, one.input[-1]))})
+    return replace(one, columns=dict(one.columns) | {INPUT: np.append(one.input[4:], np.full(4, one.input[-1]))})
 
 
 def unlisted() -> Recording:

@@ -138,7 +138,7 @@ def shape(subject: Effect, share: float) -> dict[str, float]:
     """
     alike = _alike(subject)
     sides = {name: share if _ascends(bound) else -share for name, bound in subject.parameters.items()}
-    sides |= dict.fromkeys((*subject.by_pressure, *([subject.kind] if subject.kind else [])), 0.0)
+    sides |= dict.fromkeys((*subject.by_pressure, subject.kind), 0.0)
     sides |= dict(zip(alike, np.linspace(-share, share, len(alike)).tolist(), strict=True))
     return {name: _moved(bound, sides[name]) for name, bound in subject.parameters.items()}
 

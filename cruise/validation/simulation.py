@@ -274,7 +274,7 @@ class Scene:
 
 
 def _small(values: np.ndarray, share: float) -> np.ndarray:
-    """Where values are no more than a share of the greatest; False where they are not known, or all alike."""
+    """Where values are no more than a share of the greatest; False where they are not known."""
     size = np.abs(values)
     return np.less_equal(size, share * np.nanmax(size, initial=0.0))
 

@@ -17,14 +17,7 @@ from cruise.identification.structures import Family, Structure
 from cruise.model.model import Model
 from cruise.recording import Recording
 from cruise.signals import OUTPUT
-from cruise.validation.candidates import (
-    BY_SLOPE,
-    Candidate,
-    EffectCandidate,
-    candidates,
-    kinds_of,
-    why_not,
-)
+from cruise.validation.candidates import BY_SLOPE, Candidate, EffectCandidate, candidates, kinds_of, why_not
 from cruise.validation.explanation import START, Explanation
 from cruise.validation.line_pressure import force_of_a_bar
 from cruise.validation.search import Judged, Search

@@ -117,11 +117,11 @@ def test_what_the_pressure_tells_of_the_drive_and_friction_leave_must_be_a_share
 def test_a_resonance_that_needs_all_the_dead_time_there_may_be_stands_in_for_more_of_it(plain):
     def judged(name: str, delay_s: float, loss: float) -> Judged:
         core = replace(plain.base.explanation.core, delay_s=delay_s)
-        vector = plain.search.plan(replace(plain.base.explanation, core=core))
+        there = plain.search.plan(replace(plain.base.explanation, core=core))
         return replace(
             plain.base,
             candidate=name,
-            fit=replace(plain.base.fit, layout=vector, vector=vector.vector),
+            fit=replace(plain.base.fit, layout=there, vector=there.vector),
             raw=loss * np.ones_like(plain.base.raw),
         )
 

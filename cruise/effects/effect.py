@@ -87,6 +87,7 @@ class Effect(ABC):
     stage: ClassVar[Stage]
     needs: ClassVar[tuple[str, ...]]  # signals without which it says nothing
     helps: ClassVar[tuple[str, ...]] = ()  # signals that it uses where they are measured, and does without elsewhere
+    stands_for: ClassVar[tuple[str, ...]] = ()  # signals that show what it does from the cause itself, where recorded
     reads_speed: ClassVar[bool] = False  # whether `past_speed` matters to it
     either_sign: ClassVar[bool] = False  # of a load: whether it may also push; most only take speed
     brakes_hold: ClassVar[bool] = False  # of a load: whether it is none while the brakes hold a machine that stands

@@ -29,6 +29,7 @@ class EngineDroop(Effect):
     name = "engine_droop"
     stage = Stage.GAIN
     needs = ("engine_load_pct",)
+    stands_for = ("engine_speed_rpm",)
     parameters: ClassVar = {
         "droop_share": Parameter("-", 0.0, 1.5, 0.0, "share of the engine speed that is lost from none to full load"),
         "onset_pct": Parameter("%", 0.0, 90.0, 0.0, "load up to which the governor holds the speed"),

@@ -46,10 +46,13 @@ def sentence(found: Diagnosis) -> str:
                 partly = found.steps[0].taken
                 explained = "known effects explain less than half of that" if partly else "no known effect explains it"
                 great = f"is far above the noise of {noise} m/s"
-                if found.momentary:
+                what = "that nobody recorded"
+                if not math.isnan(found.swing_s):
+                    great, what = f"swings with a period of {found.swing_s:.1f} s", f"{what} and that swings"
+                elif found.momentary:
                     there = in_moments(found.final.fit.error_mps, found.study.period_s)
                     great = f"stands by {100 * there:.0f} % of its square in {100 * FEWEST:.0f} % of the time"
-                what = "that acts in few moments" if found.momentary else "that nobody recorded"
+                    what = "that acts in few moments"
                 return (
                     f"Something is missing {what}: the error {horizon}, {before} m/s, {great}, {explained} for sure, "
                     f"and nothing that is recorded foretells it{rival} {sure}."

@@ -175,17 +175,22 @@ def candidates(recordings: Sequence[Recording], explanation: Explanation) -> tup
     for name, kind in EFFECTS.items():
         if name in explanation.names:
             continue
-        reason = why_not(kind, recordings)
+        reason = why_not(kind, recordings) or _shown_by_its_cause(kind, recordings)
         if reason:
             refused.append(Refused(name, reason))
-        elif name == "transport_delay":
-            found.append(DelayCandidate())
-        elif name == "resonance":
-            found.append(ResonanceCandidate())
         else:
-            credit = min((CONSEQUENCES.get(need, 1.0) for need in kind.needs if need != OUTPUT), default=1.0)
-            found.append(EffectCandidate(name, credit, told=told_shapes(name, recordings)))
+            found.append(candidate_of(name, recordings))
     return found, refused
+
+
+def candidate_of(name: str, recordings: Sequence[Recording]) -> Candidate:
+    """The candidate of an effect of the table of which these recordings speak."""
+    if name == "transport_delay":
+        return DelayCandidate()
+    if name == "resonance":
+        return ResonanceCandidate()
+    credit = min((CONSEQUENCES.get(need, 1.0) for need in EFFECTS[name].needs if need != OUTPUT), default=1.0)
+    return EffectCandidate(name, credit, told=told_shapes(name, recordings))
 
 
 def told_shapes(name: str, recordings: Sequence[Recording]) -> tuple[Shapes, ...]:
@@ -209,10 +214,10 @@ def _grade(recordings: Sequence[Recording]) -> tuple[Shapes]:
     return ((share,) if weighed else (share, ("mass_share", 0.0)),)
 
 
-def _power(recordings: Sequence[Recording]) -> tuple[Shapes]:
-    """The force that a bar is, and where a fit may start with the pressure at rest; what goes by the slope is none."""
-    bar = force_of_a_bar(recordings)
-    return (_neutral("power_limit", Force._fields) if bar is None else _meant("power_limit", bar),)
+def _power(recordings: Sequence[Recording]) -> tuple[Shapes, ...]:
+    """The force that a bar is, and where a fit may start with the pressure at rest; or none: it goes by the slope."""
+    bar, by_slope = force_of_a_bar(recordings), _neutral("power_limit", Force._fields)
+    return (by_slope,) if bar is None else (_meant("power_limit", bar), by_slope)
 
 
 def _crop(recordings: Sequence[Recording]) -> tuple[Shapes, ...]:
@@ -273,6 +278,14 @@ def why_not(kind: type[Effect], recordings: Sequence[Recording]) -> str:
         size = max(abs(float(np.median(values))), 1e-3 * (SIGNALS[need].high - SIGNALS[need].low))
         if np.ptp(np.percentile(values, [1, 99])) < SAME * size:
             return f"{need} never moves: it stays at {np.median(values):g} {SIGNALS[need].unit}"
+    return ""
+
+
+def _shown_by_its_cause(kind: type[Effect], recordings: Sequence[Recording]) -> str:
+    """Why an effect can't be what is missing where its cause is recorded, which another effect reads; or empty."""
+    for cause in kind.stands_for:
+        if all(cause in one.columns and np.isfinite(one.columns[cause]).any() for one in recordings):
+            return f"{cause} is recorded, and shows all that it does"
     return ""
 
 

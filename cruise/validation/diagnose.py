@@ -4,7 +4,7 @@ Every candidate is fitted jointly with the core and judged on held-out blocks, a
 far the error falls, against every other candidate, the curves without physics among them. Consequences of the drive
 (engine load, line pressure) must explain more than a cause does to be believed. In the end a catch-all tells "nothing"
 from "unlisted": much of an error that the recorded signals foretell, and all known effects don't, has a cause; so has
-an error far above the noise that nothing foretells.
+an error far above the noise that nothing foretells, or one that swings at a pace of its own.
 """
 
 import math
@@ -31,6 +31,7 @@ from cruise.validation.foretold import Foretold, foretold
 from cruise.validation.search import Judged
 from cruise.validation.selection import Selected, selected
 from cruise.validation.study import Study
+from cruise.validation.swing import Swing, swing
 from cruise.validation.tried import ALIKE, ENOUGH, Step
 from cruise.validation.trying import Show
 
@@ -42,6 +43,7 @@ AGAIN: Final = (
     "drive the moments again in which the error stands (`cruise compare` marks them), longer and more often, and "
     "record what else could act there"
 )
+SWINGS: Final = "look for what turns or swings once in {period_s:.1f} s, on the machine or behind it, and record that"
 TWO: Final = 2  # effects between which an ambiguous verdict asks for an experiment, though more may look alike
 FARTHEST: Final = -50.0  # exponent of the share of doubt that falls on a candidate
 
@@ -81,6 +83,7 @@ class Diagnosis:
     base: Judged
     final: Judged  # with the effects that were chosen, an unnamed dependence too
     hidden: Foretold  # what the catch-all still finds beside them
+    swing_s: float  # period of what swings where nothing else is found; or NaN
     beside: str  # signal on which much of what the effects leave depends, in a way that none describes; or empty
     refused: tuple[Refused, ...]
     study: Study
@@ -105,7 +108,7 @@ class Diagnosis:
     def momentary(self) -> bool:
         """Whether nothing recorded shows what is missing, and it acts in few moments only."""
         there = in_moments(self.final.fit.error_mps, self.study.period_s)
-        return self.untold and not self.steps[0].taken and there > MOST_THERE
+        return self.untold and not self.steps[0].taken and there > MOST_THERE and math.isnan(self.swing_s)
 
 
 def diagnose(study: Study, show: Show = lambda text: None) -> Diagnosis:
@@ -117,7 +120,10 @@ def diagnose(study: Study, show: Show = lambda text: None) -> Diagnosis:
     show("what the recorded signals still foretell")
     hidden = _hidden(study, found)
     over = excess(hidden, base, final)
-    alone = 0.0 if found.curved or found.unrecorded or over > 1.0 else untold(found, hidden.drift, study.period_s)
+    swings, alone = Swing(), 0.0
+    if not (found.curved or found.unrecorded or over > 1.0):
+        swings = Swing() if named else swing(final.fit.error_mps, study.search.scene.current_ma, study.period_s)
+        alone = max(untold(found, hidden.drift, study.period_s), swings.much)
     unlisted = found.curved or found.unrecorded or max(over, alone) > 1.0
     places = () if unlisted else tuple(exchanged(study, name, found, rng, show) for name in named)
     alike = tuple((one.name, *one.alike) for one in places if one.alike)
@@ -159,10 +165,13 @@ def diagnose(study: Study, show: Show = lambda text: None) -> Diagnosis:
         base=base,
         final=final,
         hidden=hidden,
+        swing_s=swings.period_s if swings.much > 1.0 else math.nan,
         beside=found.beside if effects else "",
         refused=found.refused,
         study=study,
     )
+    if not math.isnan(said.swing_s):
+        return replace(said, next_experiment=SWINGS.format(period_s=said.swing_s))
     return replace(said, next_experiment=AGAIN) if said.momentary else said
 
 

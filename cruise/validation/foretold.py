@@ -30,6 +30,7 @@ from cruise.effects.hysteresis import Hysteresis
 from cruise.signals import INPUT, OUTPUT
 from cruise.validation.fitting import Fit, bounded
 from cruise.validation.simulation import Scene
+from cruise.validation.slope import PITCH, SLOPE
 from cruise.validation.unnamed import SPEED
 
 BANDS_S: Final = (0.2, 0.5, 1.0, 2.0, 4.0)  # time constants between the bands into which the current is cut
@@ -154,10 +155,13 @@ def _clock(scene: Scene) -> np.ndarray:
 def _seen(scene: Scene, modelled_mps: np.ndarray, pace: bool) -> Mapping[str, list[np.ndarray]]:
     """Columns (N,) by the signal that they come from, with how fast it moves or without."""
     current = np.concatenate([_history(scene.current_ma[part], scene.period_s) for part in scene.parts], axis=1)
+    shown = (
+        {PITCH: scene.signals[SLOPE]} if SLOPE in scene.signals else {}
+    )  # what else the pitch shows, the drive moves
     signals = {
         name: [column]
-        for name, column in scene.signals.items()
-        if name not in ANSWERS | MOVED and np.nanstd(column) > 0.0
+        for name, column in {**scene.signals, **shown}.items()
+        if name not in ANSWERS | MOVED | {SLOPE} and np.nanstd(column) > 0.0
     }
     for columns in signals.values() if pace else ():
         columns.append(np.concatenate([_pace(columns[0][part], scene.period_s) for part in scene.parts]))

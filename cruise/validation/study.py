@@ -17,7 +17,7 @@ from cruise.identification.structures import Family, Structure
 from cruise.model.model import Model
 from cruise.recording import Recording
 from cruise.signals import OUTPUT
-from cruise.validation.candidates import BY_SLOPE, Candidate, EffectCandidate, candidates, kinds_of, why_not
+from cruise.validation.candidates import BY_SLOPE, Candidate, EffectCandidate, candidate_of, kinds_of, why_not
 from cruise.validation.explanation import START, Explanation
 from cruise.validation.line_pressure import force_of_a_bar
 from cruise.validation.search import Judged, Search
@@ -95,11 +95,10 @@ def study(
 
 def candidate(name: str, recordings: Sequence[Recording]) -> Candidate:
     """The candidate of a name in the table of effects. FitError says why these recordings can't speak of it."""
-    possible, refused = candidates(recordings, Explanation(START))
-    for one in refused:
-        if one.effect == name:
-            raise FitError(f"{name} can't be added: {one.reason}; record a drive in which it is measured and moves")
-    return next(one for one in possible if one.name == name)
+    reason = why_not(EFFECTS[name], recordings)
+    if reason:
+        raise FitError(f"{name} can't be added: {reason}; record a drive in which it is measured and moves")
+    return candidate_of(name, recordings)
 
 
 def discrete(one: Study, judged: Judged) -> Model:

@@ -17,6 +17,7 @@ from cruise.effects.saturation import Saturation
 from cruise.model.core import Core
 from cruise.recording import Recording
 from cruise.signals import INPUT, OUTPUT
+from cruise.validation import study
 from cruise.validation.candidates import (
     BLIND,
     CONSEQUENCES,
@@ -24,6 +25,7 @@ from cruise.validation.candidates import (
     EffectCandidate,
     Refused,
     ResonanceCandidate,
+    candidate_of,
     candidates,
     owner,
     unnamed,
@@ -89,10 +91,21 @@ def test_what_is_not_recorded_can_not_be_blamed():
     assert {one.name for one in found} == free
 
 
-def test_with_every_signal_nothing_is_refused():
+DROOP_SHOWS = Refused("engine_droop", "engine_speed_rpm is recorded, and shows all that it does")
+
+
+def test_with_every_signal_nothing_is_refused_but_what_stands_for_a_signal():
     found, refused = candidates([everything()], BARE)
-    assert refused == []
-    assert [one.name for one in found] == list(EFFECTS)
+    assert refused == [DROOP_SHOWS]
+    assert [one.name for one in found] == [name for name in EFFECTS if name != "engine_droop"]
+
+
+def test_droop_may_be_missing_where_the_engines_speed_is_not_known_everywhere():
+    known, other = everything(1), everything(2)
+    unknown = replace(other, columns={**other.columns, "engine_speed_rpm": np.full(SAMPLES, np.nan)})
+    for recordings in ([unknown], [known, unknown]):
+        assert "engine_droop" in {one.name for one in candidates(recordings, BARE)[0]}
+    assert study.candidate("engine_droop", [known]).name == "engine_droop"  # whoever asks for it by name gets it
 
 
 def test_what_never_moves_is_not_excited_not_absent():
@@ -129,8 +142,8 @@ def test_holes_and_single_spikes_are_no_movement():
 def test_what_is_explained_already_is_no_candidate():
     explanation = replace(with_effect(BARE, DeadZone(200.0)), structural=frozenset({"resonance"}))
     found, refused = candidates([everything()], explanation)
-    assert {one.name for one in found} == set(EFFECTS) - {"dead_zone", "resonance"}
-    assert refused == []
+    assert {one.name for one in found} == set(EFFECTS) - {"dead_zone", "resonance", "engine_droop"}
+    assert refused == [DROOP_SHOWS]
 
 
 # -- credit
@@ -172,7 +185,7 @@ def test_the_sensor_itself_tells_how_much_acceleration_it_shows():
 
 @pytest.mark.parametrize("name", EFFECTS)
 def test_every_start_of_an_effect_lies_in_its_bounds_away_from_neutral(name):
-    (candidate,) = [one for one in candidates([everything()], BARE)[0] if one.name == name]
+    candidate = candidate_of(name, [everything()])
     starts = list(candidate.grown(BARE))
     assert starts
     for start in starts:
@@ -251,7 +264,7 @@ def test_loads_stay_with_their_effects():
 @pytest.mark.parametrize("name", EFFECTS)
 def test_without_undoes_what_a_candidate_did(name):
     present = replace(with_effect(with_effect(BARE, Hysteresis(30.0)), Leakage()), loads=(0.4,))
-    (candidate,) = [one for one in candidates([everything()], BARE)[0] if one.name == name]
+    candidate = candidate_of(name, [everything()])
     if name in present.names:
         assert without(present, name).names == tuple(one for one in present.names if one != name)
         return

@@ -5,6 +5,7 @@ import pytest
 
 from cruise.recording import Recording
 from cruise.signals import OUTPUT
+from cruise.validation.candidates import told_shapes
 from cruise.validation.line_pressure import force_of_a_bar, load_of_a_bar
 from tests.validation.driving import GRAVITY_MPS2, drive, wander
 
@@ -73,3 +74,12 @@ def test_holes_are_left_out():
     )
     assert found is not None
     assert found.kn_per_bar == pytest.approx(KN_PER_BAR, rel=0.2)
+
+
+def test_a_power_limit_may_go_by_the_pressure_or_by_the_slope_and_without_pressure_by_the_slope():
+    one = shown()
+    by_pressure, by_slope = map(dict, told_shapes("power_limit", [one]))
+    assert by_pressure["kn_per_bar"] == pytest.approx(KN_PER_BAR, rel=0.2)
+    assert by_slope == {"kn_per_bar": 0.0, "rest_bar": 0.0}
+    bare = Recording(one.time_s, {n: c for n, c in one.columns.items() if n != "line_pressure_bar"}, DT_S, "bare.csv")
+    assert tuple(map(dict, told_shapes("power_limit", [bare]))) == (by_slope,)

@@ -19,7 +19,7 @@ SLOWEST_HZ: Final = 0.03  # Hz: slower, soil wanders
 BAND: Final = 6.0  # of its frequency, half a band: what turns in a field keeps no exact time
 NEIGHBOURS: Final = 6  # frequencies of which a median says anything
 RATIO: Final = 12.0  # from which something swings: where nothing did, up to 9 were seen in 60 recordings,
-SHARE: Final = 0.35  # with so much of the error's power: there up to 0.24
+SHARE: Final = 0.35  # with so much of the error's power: there up to 0.31
 OWN: Final = 3.0  # times the ratio of the current, which may have been moved at that very pace
 
 

@@ -5,8 +5,10 @@
 Every segment starts `WARM_UP_S` before the first sample on which it is judged and ends `JUDGED_S` after it; the judged
 parts of all segments tile the recording. So every error is that of a prediction at least 3 s ahead, no disturbance is
 dragged along for longer than a segment, and all segments advance together as one array. What doesn't read the speed
-is computed ahead of the recursion, once for all explanations that agree on it. Loads that brakes hold are none where a
-machine stands held, as in `cruise.model.prediction`.
+is computed ahead of the recursion, once for all explanations that agree on it.
+
+A machine that stands while no current is asked for is held by its brakes or by the oil that is shut in, on any slope:
+there no load acts that they hold.
 """
 
 from collections.abc import Sequence
@@ -17,7 +19,6 @@ import numpy as np
 
 from cruise.effects import Effect, Stage, over
 from cruise.model.core import Core
-from cruise.model.prediction import standing_held
 from cruise.recording import Recording
 from cruise.signals import OUTPUT
 from cruise.validation.explanation import Explanation
@@ -26,6 +27,8 @@ from cruise.validation.slope import PITCH, SLOPE, pitch_share, slope_deg
 WARM_UP_S: Final = 3.0  # s, the paper's horizon: what a prediction at least has to reach, unless told otherwise
 JUDGED_S: Final = 6.0  # s; longer costs more steps, shorter more starts
 RAN_AWAY_MPS: Final = 1e3  # m/s, a speed or an error beyond which no more is to be learned
+NO_CURRENT: Final = 0.01  # of the greatest current, up to which none is asked for,
+STANDING: Final = 0.05  # and of the greatest speed, up to which a machine stands, sensor noise and all
 CACHED: Final = 400  # arrays; older ones are forgotten
 
 
@@ -86,7 +89,7 @@ class Scene:
         self.raw = [Raw(fine, one) for fine, one in zip(raw or recordings, recordings, strict=True)]
         self.speed_mps = np.concatenate([one.output for one in recordings])
         self.current_ma = np.concatenate([one.input for one in recordings])
-        self.held = standing_held(self.current_ma, self.speed_mps)
+        self.held = _small(self.current_ma, NO_CURRENT) & _small(self.speed_mps, STANDING)
         self.signals = {
             name: np.concatenate([one.output if name == OUTPUT else one.columns[name] for one in recordings])
             for name in signals
@@ -268,6 +271,12 @@ class Scene:
         """Measured minus simulated speed (P, N) in m/s, NaN where nothing is judged."""
         with np.errstate(over="ignore", invalid="ignore"):
             return self.speed_mps - self.simulate(batch)
+
+
+def _small(values: np.ndarray, share: float) -> np.ndarray:
+    """Where values are no more than a share of the greatest; False where they are not known."""
+    size = np.abs(values)
+    return np.less_equal(size, share * np.nanmax(size, initial=0.0))
 
 
 def _stacked(effects: Sequence[Effect]) -> Effect:

@@ -120,10 +120,10 @@ def diagnose(study: Study, show: Show = lambda text: None) -> Diagnosis:
     show("what the recorded signals still foretell")
     hidden = _hidden(study, found)
     over = excess(hidden, base, final)
-    swings, alone = Swing(), 0.0
-    if not (found.curved or found.unrecorded or over > 1.0):
-        swings = Swing() if named else swing(final.fit.error_mps, study.search.scene.current_ma, study.period_s)
-        alone = max(untold(found, hidden.drift, study.period_s), swings.much)
+    silent = not (found.curved or found.unrecorded or over > 1.0)
+    heard = silent and not named
+    swings = swing(final.fit.error_mps, study.search.scene.current_ma, study.period_s) if heard else Swing()
+    alone = max(untold(found, hidden.drift, study.period_s), swings.much) if silent else 0.0
     unlisted = found.curved or found.unrecorded or max(over, alone) > 1.0
     places = () if unlisted else tuple(exchanged(study, name, found, rng, show) for name in named)
     alike = tuple((one.name, *one.alike) for one in places if one.alike)
@@ -144,6 +144,7 @@ def diagnose(study: Study, show: Show = lambda text: None) -> Diagnosis:
         else:
             signals, final = () if alone > 1.0 else hidden.signals, base
             words = _vary(signals) if signals else RECORD_MORE
+            words = SWINGS.format(period_s=swings.period_s) if swings.much > 1.0 else words
     elif not named:
         verdict = Verdict.NOTHING
     elif len(named) == 1 and alike:
@@ -170,8 +171,6 @@ def diagnose(study: Study, show: Show = lambda text: None) -> Diagnosis:
         refused=found.refused,
         study=study,
     )
-    if not math.isnan(said.swing_s):
-        return replace(said, next_experiment=SWINGS.format(period_s=said.swing_s))
     return replace(said, next_experiment=AGAIN) if said.momentary else said
 
 

@@ -155,9 +155,8 @@ def _clock(scene: Scene) -> np.ndarray:
 def _seen(scene: Scene, modelled_mps: np.ndarray, pace: bool) -> Mapping[str, list[np.ndarray]]:
     """Columns (N,) by the signal that they come from, with how fast it moves or without."""
     current = np.concatenate([_history(scene.current_ma[part], scene.period_s) for part in scene.parts], axis=1)
-    shown = (
-        {PITCH: scene.signals[SLOPE]} if SLOPE in scene.signals else {}
-    )  # what else the pitch shows, the drive moves
+    # The pitch without acceleration, which the drive moves itself.
+    shown = {PITCH: scene.signals[SLOPE]} if SLOPE in scene.signals else {}
     signals = {
         name: [column]
         for name, column in {**scene.signals, **shown}.items()

@@ -356,8 +356,19 @@ def test_an_error_in_few_moments_has_a_cause_though_it_is_not_great():
     assert "of its square in 5 % of the time" in sentence(one)
 
 
+def test_something_that_swings_at_a_pace_of_its_own_is_said_with_its_period():
+    pace = 2.0 * np.pi * DT_S / 8.0 * (1.0 + wander(SAMPLES, DT_S, 5, 0.03, 20.0))
+    one = found(load_mps=0.05 * np.sin(np.cumsum(pace)))
+    assert (one.verdict, one.effects, one.signals) == (Verdict.UNLISTED, (), ())
+    assert one.swing_s == pytest.approx(8.0, rel=0.06)
+    assert not one.momentary
+    assert f"once in {one.swing_s:.1f} s" in one.next_experiment
+    assert f"swings with a period of {one.swing_s:.1f} s" in sentence(one)
+
+
 def test_soil_that_nobody_recorded_is_no_effect():
     one = found(load_mps=wander(SAMPLES, DT_S, 13, 0.03, 4.0))
     assert one.verdict is Verdict.NOTHING
     assert not one.untold
     assert not one.momentary
+    assert np.isnan(one.swing_s)

@@ -81,6 +81,17 @@ def test_what_wanders_as_slowly_as_a_clock_tells_is_none_of_it():
     assert looked(NOISE + soil + law, header_mm=lowered).share > CHANCE, "but not what comes and goes with the current"
 
 
+def test_of_the_pitch_the_slope_is_seen_by_the_name_of_the_signal():
+    slope_deg = wander(N, DT_S, 6, 3.0, 6.0)
+    pitch_deg = slope_deg + np.degrees(np.gradient(MODELLED, DT_S) / 9.81)
+    error = NOISE + 0.05 * np.sign(np.sin(slope_deg))
+    columns = {INPUT: CURRENT, OUTPUT: MODELLED + error, "pitch_deg": pitch_deg}
+    hills = Scene([Recording(DT_S * np.arange(N), columns, DT_S, "hills")], [*columns])
+    found = foretold(hills, fitted(error), [], BLOCKS)
+    assert found.share > CHANCE
+    assert found.signals == ("pitch_deg",)
+
+
 def test_so_is_a_memory_of_the_current():
     poles = np.exp((-0.15 + 1j) * 2.0 * np.pi * 0.8 * DT_S)
     ringing = np.asarray(signal.lfilter([1.0, -1.0], np.real(np.poly([poles, np.conj(poles)])), CURRENT))

@@ -263,6 +263,20 @@ def test_a_slope_does_not_act_on_a_machine_that_stands_at_no_current():
     assert rolled[held].max() < -0.9 * pull_mps, "one that rolls back is not held"
 
 
+def test_a_machine_that_rolls_on_steeper_ground_is_not_held_where_it_passes_rest_either():
+    time_s = PERIOD_S * np.arange(900)
+    idle = time_s % 60.0 > 30.0
+    steep = time_s > 120.0
+    columns = {INPUT: np.where(idle, 0.0, 800.0), "pitch_deg": np.where(steep, 6.0, 0.5)}
+    stands = Recording(time_s, {**columns, OUTPUT: np.where(idle, 0.0, 1.5)}, PERIOD_S, "held.csv")
+    assert scene_of(stands).held.sum() == idle.sum()
+    moves_mps = np.where(idle, np.where(steep, -0.4, -0.03), 1.5)
+    rolls = Recording(time_s, {**columns, OUTPUT: moves_mps}, PERIOD_S, "rolls.csv")
+    assert not scene_of(rolls).held.any()
+    short = Recording(time_s, {**stands.columns, INPUT: np.where(time_s % 60.0 > 58.0, 0.0, 800.0)}, PERIOD_S, "s.csv")
+    assert not scene_of(short).held.any(), "never left alone: nobody knows"
+
+
 def test_recordings_are_never_joined():
     """Each of them simulated alone says the same, with every memory begun anew."""
     first, second = recording(), recording(30.0, seed=1)

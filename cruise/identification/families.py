@@ -176,7 +176,7 @@ def ahead(
             return prediction.ahead_driven(split, recording.output, horizon, noise)
         signals = checked_signals(model, recording)
         state = prediction.states_over(model, recording.input, recording.output, signals)
-        return prediction.ahead_stepwise(model, state, recording.input, signals, horizon, noise)
+        return prediction.ahead_stepwise(model, state, recording.input, recording.output, signals, horizon, noise)
 
 
 def free_run(model: Model, recording: Recording, smooth: Smooth | None = None) -> np.ndarray:

@@ -6,10 +6,7 @@ Every segment starts `WARM_UP_S` before the first sample on which it is judged a
 parts of all segments tile the recording. So every error is that of a prediction at least 3 s ahead, no disturbance is
 dragged along for longer than a segment, and all segments advance together as one array. What doesn't read the speed
 is computed ahead of the recursion, once for all explanations that agree on it.
-
-A machine that stands while no current is asked for may be held by its brakes or by the oil that is shut in, on any
-slope: there no load acts that they hold. Whether they do the recordings tell: it stands then wherever it was left alone
-long enough, and one that is not held rolls.
+Loads that brakes hold are none where a machine stands held, as in `cruise.model.prediction`.
 """
 
 from collections.abc import Sequence
@@ -20,6 +17,7 @@ import numpy as np
 
 from cruise.effects import Effect, Stage, over
 from cruise.model.core import Core
+from cruise.model.prediction import standing_held
 from cruise.recording import Recording
 from cruise.signals import OUTPUT
 from cruise.validation.explanation import Explanation
@@ -28,10 +26,6 @@ from cruise.validation.slope import PITCH, SLOPE, pitch_share, slope_deg
 WARM_UP_S: Final = 3.0  # s, the paper's horizon: what a prediction at least has to reach, unless told otherwise
 JUDGED_S: Final = 6.0  # s; longer costs more steps, shorter more starts
 RAN_AWAY_MPS: Final = 1e3  # m/s, a speed or an error beyond which no more is to be learned
-NO_CURRENT: Final = 0.01  # of the greatest current, up to which none is asked for,
-STANDING: Final = 0.05  # and of the greatest speed, up to which a machine stands, sensor noise and all
-STOPPED_S: Final = 3.0  # s without current after which a machine that is held stands,
-MOSTLY: Final = 0.9  # in so much of the time; one that rolls on every slope was seen at 0.6, held ones from 0.95 on
 CACHED: Final = 400  # arrays; older ones are forgotten
 
 
@@ -100,21 +94,12 @@ class Scene:
             self.signals[SLOPE] = np.concatenate([slope_deg(one, pitch_share(recordings)) for one in recordings])
         ends = np.cumsum([len(one) for one in recordings])
         self.parts = [slice(int(end) - len(one), int(end)) for end, one in zip(ends, recordings, strict=True)]
-        self.held = self._held()
+        self.held = np.concatenate([standing_held(one.input, one.output, self.period_s) for one in recordings])
         self._lay_out(horizon_s)
         self._cache: dict[Any, Any] = {}
 
     def __len__(self) -> int:
         return len(self.speed_mps)
-
-    def _held(self) -> np.ndarray:
-        """Where brakes hold the machine (N,); nowhere, where it does not stand whenever no current is asked for."""
-        idle, still = _small(self.current_ma, NO_CURRENT), _small(self.speed_mps, STANDING)
-        count = max(round(STOPPED_S / self.period_s), 1)
-        alone = np.concatenate([np.convolve(idle[part], np.ones(count))[: len(idle[part])] for part in self.parts])
-        left_alone = (alone > count - 0.5) & np.isfinite(self.speed_mps)
-        stands = left_alone.any() and still[left_alone].mean() >= MOSTLY
-        return idle & still & stands
 
     def _lay_out(self, horizon_s: float) -> None:
         warm_up, judged = (max(round(span / self.period_s), 1) for span in (horizon_s, JUDGED_S))
@@ -283,12 +268,6 @@ class Scene:
         """Measured minus simulated speed (P, N) in m/s, NaN where nothing is judged."""
         with np.errstate(over="ignore", invalid="ignore"):
             return self.speed_mps - self.simulate(batch)
-
-
-def _small(values: np.ndarray, share: float) -> np.ndarray:
-    """Where values are no more than a share of the greatest; False where they are not known."""
-    size = np.abs(values)
-    return np.less_equal(size, share * np.nanmax(size, initial=0.0))
 
 
 def _stacked(effects: Sequence[Effect]) -> Effect:

@@ -10,6 +10,7 @@ from cruise.effects import Effect, Stage
 from cruise.effects.dead_zone import DeadZone
 from cruise.effects.engine_speed import EngineSpeed
 from cruise.effects.gear_ratio import GearRatio
+from cruise.effects.grade import Grade
 from cruise.model import prediction
 from cruise.model.model import Model
 
@@ -66,7 +67,7 @@ def test_over_whole_arrays_is_the_same_as_step_by_step(name, horizon, holes):
     noise = [0.01 * np.arange(len(current)), 0.02 * np.arange(len(current))]
     state = prediction.states_over(chosen, current, speeds, signals)
     assert not chosen.reads_speed
-    slow = prediction.ahead_stepwise(chosen, state, current, signals, horizon, noise)
+    slow = prediction.ahead_stepwise(chosen, state, current, speeds, signals, horizon, noise)
     fast = prediction.ahead(chosen, current, speeds, signals, horizon, noise)
     np.testing.assert_allclose(fast, slow, rtol=1e-12)
     assert np.isfinite(fast).mean() > 0.4
@@ -93,6 +94,42 @@ def test_an_effect_that_reads_the_speed_is_seen_and_stepped():
     for k in range(2, len(speeds)):
         expected = 0.5 * expected + 4e-4 * current[k - 1] + 3e-4 * current[k - 2] - 0.05 * expected**2 + 0.1
         assert run[k] == pytest.approx(expected, rel=1e-12)
+
+
+def standing_on_a_slope():
+    """A machine that stands at no current on 5 degrees after its first 20 samples, and its brakes hold."""
+    current, speeds, signals = recording()
+    current[20:60], speeds[20:60] = 0.0, 0.0
+    return current, speeds, signals | {"pitch_deg": np.full(len(current), 5.0)}
+
+
+@pytest.mark.parametrize("others", [(), (Drag(),)])
+def test_a_machine_that_stands_at_no_current_is_held_on_a_slope(others):
+    chosen, (current, speeds, signals) = model(1, 2, 1, Grade(), *others), standing_on_a_slope()
+    free = replace(chosen, theta=(0.5, 4e-4, 3e-4, 0.05, *(-0.05,) * len(others), 0.0))
+    run = prediction.free_run(free, current, speeds, signals)
+    assert run[40:60] == pytest.approx(0.0, abs=1e-3)  # without brakes it rolls: -0.05 * 0.855 / 0.5
+    assert run[65:].min() > 0.2
+    state = prediction.states_over(free, current, speeds, signals)
+    slow = prediction.ahead_stepwise(free, state, current, speeds, signals, 15)
+    np.testing.assert_allclose(prediction.ahead(free, current, speeds, signals, 15), slow, rtol=1e-12)
+    assert slow[40:60] == pytest.approx(0.0, abs=1e-3)
+    by_hand = prediction.run_stepwise(free, state, current, speeds, signals)[:, 0]
+    np.testing.assert_allclose(run, by_hand, rtol=1e-12, atol=1e-12)
+
+
+def test_a_machine_that_moves_or_is_asked_to_is_not_held():
+    current, speeds, _ = standing_on_a_slope()
+    held = prediction.standing_held(current, speeds, 0.2)
+    assert np.flatnonzero(held).tolist() == list(range(20, 60))
+    current[30], speeds[40], speeds[50] = 50.0, 0.3, np.nan
+    assert np.flatnonzero(~prediction.standing_held(current, speeds, 0.2))[20:23].tolist() == [30, 40, 50]
+
+
+def test_a_machine_that_rolls_where_it_is_left_alone_is_not_held():
+    current, speeds, _ = standing_on_a_slope()
+    speeds[40:46] = 0.3  # 6 of the 26 samples without current for 3 s
+    assert not prediction.standing_held(current, speeds, 0.2).any()
 
 
 def test_a_free_run_begins_again_after_a_hole_with_measured_speeds():

@@ -28,5 +28,7 @@ def followed(before: Value, now: Value, moved: Value) -> Value:
 
 def followed_over(values: np.ndarray, time_constant_s: float, dt_s: float) -> np.ndarray:
     """z (N,) of values (N,) without a hole."""
+    if not len(values):
+        return values
     rest = math.exp(-dt_s / max(time_constant_s, AT_ONCE_S))
     return np.asarray(scipy.signal.lfilter([1.0 - rest], [1.0, -rest], values, zi=[rest * values[0]])[0])

@@ -17,6 +17,7 @@ from typing import ClassVar
 import numpy as np
 
 from cruise.effects.effect import About, Effect, Parameter, Stage, State, Value, where
+from cruise.effects.low_pass import followed_over
 from cruise.signals import OUTPUT, Signals
 
 
@@ -64,16 +65,13 @@ class SensorBias(Effect):
     def over(
         self, values: Value, past_speeds: np.ndarray, signals: Mapping[str, np.ndarray], dt_s: float
     ) -> tuple[Value, State]:
-        """The whole recording in one narrow loop: the shape is looked for in recordings of 10^5 samples."""
-        forgetting, bias_mps, seen = -math.expm1(-dt_s / self.filter_s), 0.0, 0
-        shown, biases, counts = [], [], []
-        for difference_mps in (signals[OUTPUT] - signals["wheel_speed_mps"]).tolist():
-            if difference_mps == difference_mps:
-                shown.append(bias_mps if seen else difference_mps)
-                bias_mps += max(1.0 / (seen + 1.0), forgetting) * (difference_mps - bias_mps)
-                seen += 1
-            else:
-                shown.append(math.nan)
-            biases.append(bias_mps)
-            counts.append(float(seen))
-        return np.array(shown), (np.array(biases), np.array(counts))
+        """The whole recording at once: a mean at first, then a lag; over holes it stays as it is."""
+        differences_mps = signals[OUTPUT] - signals["wheel_speed_mps"]
+        known = np.isfinite(differences_mps)
+        given_mps, counts = differences_mps[known], np.cumsum(known)
+        at_first = min(math.floor(-1.0 / math.expm1(-dt_s / self.filter_s)), len(given_mps))
+        means_mps = np.cumsum(given_mps[:at_first]) / np.arange(1, at_first + 1)
+        later_mps = followed_over(np.concatenate([means_mps[-1:], given_mps[at_first:]]), self.filter_s, dt_s)[1:]
+        biases_mps = np.concatenate([[0.0], means_mps, later_mps])
+        before_mps = np.concatenate([given_mps[:1], biases_mps[1:-1], [math.nan]])[counts - 1]
+        return np.where(known, before_mps, math.nan), (biases_mps[counts], counts.astype(float))

@@ -11,7 +11,6 @@ ground, and shortens the time constant. Source: slip as defined in Wong, Theory 
 a choice of this program.
 """
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Final
@@ -19,6 +18,7 @@ from typing import ClassVar, Final
 import numpy as np
 
 from cruise.effects.effect import About, Effect, Parameter, Stage, State, Value, clip, where
+from cruise.effects.low_pass import followed_over
 from cruise.signals import OUTPUT, Signals
 
 SLOWEST_MPS: Final = 0.3  # m/s: below it the noise of both sensors is more than the slip
@@ -71,15 +71,11 @@ class WheelSlip(Effect):
     def over(
         self, values: Value, past_speeds: np.ndarray, signals: Mapping[str, np.ndarray], dt_s: float
     ) -> tuple[Value, State]:
-        """The whole recording in one narrow loop: the shape is looked for in recordings of 10^5 samples."""
+        """The whole recording at once: while the wheels don't turn, the slip stays as it was."""
         wheel_mps, ground_mps = signals["wheel_speed_mps"], signals[OUTPUT]
         turning = (np.abs(wheel_mps) > SLOWEST_MPS) & np.isfinite(ground_mps)
-        slips = np.clip(1.0 - ground_mps / np.where(turning, wheel_mps, 1.0), LEAST, GREATEST)
-        share, followed, known = -math.expm1(-dt_s / self.filter_s), 0.0, [0.0]
-        for turns, slip in zip(turning.tolist(), slips.tolist(), strict=True):
-            if turns:
-                followed += share * (slip - followed)
-            known.append(followed)
-        before, after = np.array(known[:-1]), np.array(known[1:])
+        slips = np.clip(1.0 - ground_mps[turning] / wheel_mps[turning], LEAST, GREATEST)
+        known = followed_over(np.concatenate([[0.0], slips]), self.filter_s, dt_s)[np.cumsum(turning)]
+        before, after = np.concatenate([[0.0], known[:-1]]), known
         measured = 1.0 + 0.0 * (wheel_mps + ground_mps)  # NaN where one of them is
         return -before / (1.0 - before) * past_speeds * measured, after

@@ -4,6 +4,7 @@ Whatever the model's own orders are, its effects act beside the physical core; w
 represented is kept as the bound of the core's delay. A model that can't represent the delay lacks `transport_delay`.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
@@ -15,7 +16,7 @@ from cruise.identification.preparation import at_period
 from cruise.identification.regressors import UNCHANGED, FitError
 from cruise.identification.structures import Family, Structure
 from cruise.model.model import Model
-from cruise.recording import Recording
+from cruise.recording import Recording, resample
 from cruise.signals import OUTPUT
 from cruise.validation.candidates import BY_SLOPE, Candidate, EffectCandidate, candidate_of, kinds_of, why_not
 from cruise.validation.explanation import START, Explanation
@@ -24,6 +25,9 @@ from cruise.validation.search import Judged, Search
 from cruise.validation.simulation import JUDGED_S, WARM_UP_S, Scene
 
 SHORTEST_S: Final = 60.0  # s of data in which anything can be judged held-out
+FINEST_S: Final = 0.04  # s, the finest rate at which the current is reshaped: no servo moves within it,
+NO_NEED: Final = 0.6  # of it, from which a recording is thinned
+ROUNDING: Final = 1e-9
 
 Show = Callable[[str], None]
 
@@ -66,7 +70,8 @@ def study(
         if reason and "never moves" not in reason:
             raise FitError(f"the model's {effect.name} can't be computed: {reason}; record it, or leave the effect out")
     shared = set.intersection(*(set(one.columns) for one in prepared))
-    scene = Scene(prepared, sorted(shared | {OUTPUT}), recordings if at_their_rate else None, horizon_s)
+    raw = [_no_finer(one, period_s) for one in recordings] if at_their_rate else None
+    scene = Scene(prepared, sorted(shared | {OUTPUT}), raw, horizon_s)
     known = np.isfinite(scene.current_ma) & np.isfinite(scene.speed_mps)
     if not known.any():
         raise FitError("no sample has both current and speed: choose other columns with --input and --output")
@@ -117,6 +122,12 @@ def discrete(one: Study, judged: Judged) -> Model:
     std = np.sqrt(np.maximum(np.diag(slopes @ covariance @ slopes.T), 0.0))
     ahead = one.search.ahead_errors(judged.explanation, 1)
     return replace(model, theta_std=tuple(std.tolist()), residual_std_mps=float(np.sqrt(np.mean(ahead**2))))
+
+
+def _no_finer(one: Recording, period_s: float) -> Recording:
+    """A recording as means over a part of the period where it is far finer than `FINEST_S`."""
+    fine_s = period_s / max(math.floor(period_s / FINEST_S + ROUNDING), 1)
+    return resample(one, fine_s) if one.dt_s <= NO_NEED * fine_s else one
 
 
 def _fixed(effects: Sequence[Effect], recordings: Sequence[Recording]) -> frozenset[str]:

@@ -22,9 +22,11 @@ from cruise.validation.mediator import SHOWN, SILENT, Said, Through, behind, may
 from cruise.validation.search import AT_BOUND, Judged, Search, gain, sureness
 from cruise.validation.side_by_side import side_by_side
 from cruise.validation.slip import slip_mps
+from cruise.validation.slope import PITCH
 from cruise.validation.study import Study
 from cruise.validation.tried import LEAST_GAIN, LOOSE, RESISTANCE, Step, Tried, counted, held_out
 
+OF_THE_SLOPE: Final = 0.6  # of what a grade takes away, that a curve of the slope must take, too: one took 0.8 or more
 MOVED: Final = 0.03  # of the cost, by which a better core makes all be tried anew from it
 PLAIN: Final = 0.5  # of what the best cause leaves: with less, a consequence of the drive is a cause all the same
 HOLDING: Final = ("crop_load",)  # holds the machine back as dry friction does, by the mean of its signal alone:
@@ -99,6 +101,8 @@ def tried_beside(
                 credit[one.candidate] = 0.0
     if stands_in_for_dead_time(search, judged):
         credit["resonance"] = 0.0
+    if takes_acceleration_for_slope(present, judged):
+        credit["grade"] = 0.0
     alone = [
         Tried(one.candidate, gain(present, one), 0.0, credit[one.candidate], sureness(present, one, rng), one, one)
         for one in judged
@@ -131,6 +135,14 @@ def stands_in_for_dead_time(search: Search, judged: Sequence[Judged]) -> bool:
     core, most_s = resonance.explanation.core, search.most_delay_s(resonance.explanation)
     late = core.delay_s > (1.0 - AT_BOUND) * most_s
     return late and delay.loss < LOOSE * resonance.loss
+
+
+def takes_acceleration_for_slope(present: Judged, judged: Sequence[Judged]) -> bool:
+    """Whether a grade explains what the pitch sensor shows of the machine's swinging: any curve of the slope itself,
+    which has no acceleration in it, takes away far less."""
+    found = {one.candidate: present.loss - one.loss for one in judged}
+    slope = found.get(f"{UNNAMED}{PITCH}")
+    return slope is not None and "grade" in found and slope < OF_THE_SLOPE * found["grade"]
 
 
 def of_the_best_kind(study: Study, present: Judged) -> Judged:

@@ -1,6 +1,8 @@
 """Everything is tried from where the core really is."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -14,7 +16,14 @@ from cruise.validation.mediator import Through
 from cruise.validation.search import Judged, Search
 from cruise.validation.study import Study, study
 from cruise.validation.tried import Step
-from cruise.validation.trying import MOVED, of_its_own, of_the_best_kind, stands_in_for_dead_time, tried_beside
+from cruise.validation.trying import (
+    MOVED,
+    of_its_own,
+    of_the_best_kind,
+    stands_in_for_dead_time,
+    takes_acceleration_for_slope,
+    tried_beside,
+)
 from tests.validation.driving import drive, wander
 
 PERIOD_S = 0.2
@@ -147,3 +156,14 @@ def test_of_two_kinds_the_one_that_errs_less_beside_the_others_is_kept():
     assert zone.threshold_ma == pytest.approx(350.0, abs=8.0)
     assert right.loss < 0.5 * wrong.loss
     assert of_the_best_kind(one, right).explanation == right.explanation
+
+
+def test_a_grade_of_which_a_curve_of_the_slope_shows_little_is_the_sensors_acceleration():
+    def judged(candidate: str, loss: float) -> Judged:
+        return cast(Judged, SimpleNamespace(candidate=candidate, loss=loss))
+
+    present, grade, curve = judged("", 1.0), judged("grade", 0.3), f"{UNNAMED}pitch_deg"
+    assert takes_acceleration_for_slope(present, [grade, judged(curve, 0.85)])
+    assert not takes_acceleration_for_slope(present, [grade, judged(curve, 0.4)])
+    assert not takes_acceleration_for_slope(present, [grade]), "nothing to hold it against"
+    assert not takes_acceleration_for_slope(present, [judged(curve, 0.85)])

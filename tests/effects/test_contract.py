@@ -31,7 +31,7 @@ SHAPES = {
     "gear_ratio": {"gear_1_mps": 1.4, "gear_2_mps": 2.5, "gear_3_mps": 4.4, "gear_4_mps": 7.8, "pace_exponent": 1.2},
     "oil_temperature": {"loss_share": 0.08},
     "speed_droop": {"droop_per_mps": 0.1, "exponent": 1.6},
-    "grade": {"mass_share": 0.6, "acceleration_share": 0.5, "filter_s": 1.0, "stroke_share": 0.7},
+    "grade": {"mass_share": 0.6, "acceleration_share": 0.5, "filter_s": 1.0},
     "rolling_resistance": {"crossover_mps": 0.3, "rise_per_mps": 0.2, "held_share": 0.3},
     "crop_load": {
         "idle_pct": 20.0,

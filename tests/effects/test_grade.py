@@ -35,16 +35,6 @@ def test_a_mass_that_is_not_measured_is_that_of_the_empty_machine():
     np.testing.assert_allclose(both, [phi(Grade(), pitch_deg=3.0), 2 * phi(Grade(), pitch_deg=3.0)])
 
 
-@pytest.mark.parametrize(("share", "factor"), [(0.0, 1.0), (0.5, 1.5), (1.0, 2.0)])
-def test_a_pump_that_gives_up_a_part_of_its_stroke_loses_more_at_twice_the_speed(share, factor):
-    effect, signals = Grade(stroke_share=share), {"pitch_deg": 3.0, "ground_speed_mps": -3.0}
-    _, state = effect.step(0.0, 0.0, signals, effect.start(0.0), 0.2)
-    fast, _ = effect.step(0.0, 0.0, signals, state, 0.2)
-    assert fast == pytest.approx(factor * phi(Grade(), pitch_deg=3.0))
-    unknown = {"pitch_deg": 3.0, "ground_speed_mps": math.nan}
-    assert phi(effect, **unknown) == phi(effect, pitch_deg=3.0) == phi(Grade(), pitch_deg=3.0)
-
-
 @pytest.mark.parametrize(("share", "left"), [(1.0, 0.0), (0.0, 0.8)])
 def test_on_level_ground_a_pitch_that_is_all_acceleration_is_no_slope(share, left):
     effect, accel_mps2, dt_s = Grade(acceleration_share=share, filter_s=1.0), 0.8, 0.2

@@ -26,7 +26,7 @@ from cruise.validation.slope import PITCH
 from cruise.validation.study import Study
 from cruise.validation.tried import LEAST_GAIN, LOOSE, RESISTANCE, Step, Tried, counted, held_out
 
-OF_THE_SLOPE: Final = 0.6  # of what a grade takes away, that a curve of the slope must take, too: one took 0.8 or more
+OF_THE_SLOPE: Final = 0.3  # of what a grade takes away, that a curve of the slope must take, too: one took 0.8 or more
 MOVED: Final = 0.03  # of the cost, by which a better core makes all be tried anew from it
 PLAIN: Final = 0.5  # of what the best cause leaves: with less, a consequence of the drive is a cause all the same
 HOLDING: Final = ("crop_load",)  # holds the machine back as dry friction does, by the mean of its signal alone:

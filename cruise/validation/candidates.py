@@ -29,6 +29,7 @@ from cruise.validation.unnamed import (
 )
 
 SHARES: Final = (0.03, 0.08, 0.18, 0.35, 0.55, 0.8, 0.93)  # of the way from a shape's neutral value to its far bound
+RATES: Final = (0.85, 0.5, 0.3, 0.18, 0.11, 0.065, 0.04)  # of the fastest change of the current
 HELD: Final = 0.7  # share of the current that a hysteresis holds back where fits start: it is wide or it is whole
 WIDE: Final = 5.0  # ratio of the bounds from which that way is walked in ratios
 CHAIN: Final = tuple(EFFECTS)  # order in which the current meets the effects: that of the table
@@ -86,6 +87,7 @@ class EffectCandidate:
     credit: float = 1.0
     given: Effect | None = None  # where a fit of it has been before
     told: tuple[Shapes, ...] = ((),)  # by the signals themselves, in one way or another: whichever errs less
+    begin: tuple[Shapes, ...] = ()  # where fits start, if the recordings say where the effect would act at all
 
     def grown(self, explanation: Explanation) -> Iterator[Explanation]:
         """One start for each of a few strengths and every way in which shapes are told, or where it has been before."""
@@ -104,9 +106,11 @@ class EffectCandidate:
             known = {"bend": 0.0}
         else:
             known = {}
+        shares = SHARES if shapes and self.name != "gear_ratio" else SHARES[:1]
+        walked = [tuple((name, _on_the_way(bound, share)) for name, bound in shapes.items()) for share in shares]
         for told in self.told:
-            for share in SHARES if shapes and self.name != "gear_ratio" else SHARES[:1]:
-                shape = {name: _on_the_way(bound, share) for name, bound in shapes.items()} | known | dict(told)
+            for begun in self.begin or walked:
+                shape = dict(begun) | known | dict(told)
                 yield with_effect(explanation, kind() if self.name == "gear_ratio" else kind(**shape))
 
 
@@ -190,7 +194,8 @@ def candidate_of(name: str, recordings: Sequence[Recording]) -> Candidate:
     if name == "resonance":
         return ResonanceCandidate()
     credit = min((CONSEQUENCES.get(need, 1.0) for need in EFFECTS[name].needs if need != OUTPUT), default=1.0)
-    return EffectCandidate(name, credit, told=told_shapes(name, recordings))
+    begin = _rates(recordings) if name == "rate_limit" else ()
+    return EffectCandidate(name, credit, told=told_shapes(name, recordings), begin=begin)
 
 
 def told_shapes(name: str, recordings: Sequence[Recording]) -> tuple[Shapes, ...]:
@@ -212,6 +217,14 @@ def _grade(recordings: Sequence[Recording]) -> tuple[Shapes]:
     share = ("acceleration_share", pitch_share(recordings))
     weighed = all("machine_mass_kg" in one.columns for one in recordings)
     return ((share,) if weighed else (share, ("mass_share", 0.0)),)
+
+
+def _rates(recordings: Sequence[Recording]) -> tuple[Shapes, ...]:
+    """Rates of the current that limit less and less of its changes: a limit above all of them leaves no trace."""
+    bound = EFFECTS["rate_limit"].parameters["rate_ma_per_s"]
+    moves = np.concatenate([np.abs(np.diff(one.input)) / one.dt_s for one in recordings])
+    fastest = float(np.nanmax(moves, initial=0.0))
+    return tuple((("rate_ma_per_s", min(max(share * fastest, bound.low), bound.high)),) for share in RATES)
 
 
 def _power(recordings: Sequence[Recording]) -> tuple[Shapes, ...]:

@@ -213,6 +213,14 @@ def test_a_rate_limit_takes_the_servos_lag_over():
         assert start.core.lag_s == CORE["lag_s"].low
 
 
+def test_a_rate_limit_starts_where_it_limits_something():
+    changes = np.abs(np.diff(recorded().input)) / 0.2
+    starts = candidate_of("rate_limit", [recorded()]).grown(BARE)
+    rates = [one.effects[0].rate_ma_per_s for one in starts]  # type: ignore[attr-defined]
+    assert all(20.0 < rate < changes.max() for rate in rates)
+    assert rates == sorted(rates, reverse=True)
+
+
 def test_an_effect_that_was_fitted_starts_where_it_was():
     (start,) = EffectCandidate("dead_zone", given=DeadZone(234.5)).grown(BARE)
     assert start.effects == (DeadZone(234.5),)

@@ -152,7 +152,7 @@ def tabulated(
     time_s = time_s[keep]
     columns = {name: Readings(time_s, values[keep]) for name, values in raw.items() if name != time}
     signals = _signals(source, columns, current, speed, settings, said, ("rows", "cells hold no number, not measured"))
-    if current != INPUT and current not in settings.columns:
+    if current not in settings.columns:
         signals[INPUT] = _in_ma(current, signals[INPUT], said)
     return _on_grid(time_s, signals, dt_s, source, tuple(said))
 
@@ -244,15 +244,19 @@ def _signals(
 
 
 def _in_ma(name: str, current: Readings, notes: list[str]) -> Readings:
-    """Return an input of another name, too small for a pump's current, as a share of FULL_MA."""
+    """Return an input too small for a pump's current as a share of FULL_MA; where its name says mA, say so only."""
     known = np.abs(current.values[~np.isnan(current.values)])
     most = float(np.percentile(known, 99)) if len(known) else 0.0
     unit, scale = next(((unit, scale) for most_of, unit, scale in SHARES if 0.0 < most <= most_of), ("", 1.0))
     if not unit:
         return current
+    small, in_file = f"{name}: {most:.3g} at most, no current in mA moves a machine", "in the file of --columns"
+    if name == INPUT:
+        notes.append(f"{small}; if it is {unit}, columns: {{{name}: {{scale: {scale:g}}}}} {in_file} reads it so")
+        return current
     notes.append(
-        f"{name}: {most:.3g} at most, no current in mA moves a machine; read as {unit}, all of it as {FULL_MA:g} mA; "
-        f"columns: {{{name}: {{scale: 1}}}} in the file of --columns takes it as it is"
+        f"{small}; read as {unit}, all of it as {FULL_MA:g} mA; "
+        f"columns: {{{name}: {{scale: 1}}}} {in_file} takes it as it is"
     )
     return Readings(current.time_s, scale * current.values)
 

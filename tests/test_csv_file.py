@@ -42,7 +42,7 @@ def test_what_is_written_reads_back_equal(dt_s, start_s, values):
 
 
 def test_what_was_not_measured_is_an_empty_cell(tmp_path):
-    values = np.ones(20)
+    values = np.full(20, 700.0)
     values[3:10] = np.nan
     write_csv(Recording(np.arange(20) * 0.1, {INPUT: values, OUTPUT: np.ones(20)}, 0.1, "x"), tmp_path / "f.csv")
     assert "0.5,,1.0" in (tmp_path / "f.csv").read_text()

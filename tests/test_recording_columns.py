@@ -22,7 +22,13 @@ def test_an_input_that_is_no_current_counts_as_a_share_of_one(tmp_path, most, un
     said = RecordingSettings(input="pedal", columns={"pedal": ColumnSettings(scale=1.0)})
     np.testing.assert_allclose(read_csv(file, said).input, most * np.arange(41) / 40, rtol=1e-5)
     named = csv_of(tmp_path, rows, "time_s,pump_current_ma,ground_speed_mps")
-    np.testing.assert_allclose(read_csv(named, PLAIN).input, most * np.arange(41) / 40, rtol=1e-5)
+    taken = read_csv(named, PLAIN)
+    np.testing.assert_allclose(taken.input, most * np.arange(41) / 40, rtol=1e-5)
+    (note,) = taken.notes
+    assert f"if it is {unit}, columns: {{pump_current_ma: {{scale: {scale:g}}}}}" in note
+    scaled = RecordingSettings(columns={INPUT: ColumnSettings(scale=scale)})
+    np.testing.assert_allclose(read_csv(named, scaled).input, read.input, rtol=1e-5)
+    assert read_csv(named, scaled).notes == ()
 
 
 def test_a_current_under_another_name_is_taken_as_it_is(tmp_path):

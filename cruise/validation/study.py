@@ -27,7 +27,7 @@ from cruise.validation.simulation import JUDGED_S, WARM_UP_S, Scene
 SHORTEST_S: Final = 60.0  # s of data in which anything can be judged held-out
 FINEST_S: Final = 0.04  # s, the finest rate at which the current is reshaped: no servo moves within it,
 NO_NEED: Final = 0.6  # of it, from which a recording is thinned
-ROUNDING: Final = 1e-9
+ROUNDING: Final = 1e-9  # of a count of parts
 
 Show = Callable[[str], None]
 

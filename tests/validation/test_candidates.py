@@ -21,6 +21,7 @@ from cruise.validation import study
 from cruise.validation.candidates import (
     BLIND,
     CONSEQUENCES,
+    RATES,
     DelayCandidate,
     EffectCandidate,
     Refused,
@@ -215,8 +216,9 @@ def test_a_rate_limit_takes_the_servos_lag_over():
 
 def test_a_rate_limit_starts_where_it_limits_something():
     changes = np.abs(np.diff(recorded().input)) / 0.2
-    starts = candidate_of("rate_limit", [recorded()]).grown(BARE)
-    rates = [one.effects[0].rate_ma_per_s for one in starts]  # type: ignore[attr-defined]
+    limits = [one.effects[0] for one in candidate_of("rate_limit", [recorded()]).grown(BARE)]
+    rates = [one.rate_ma_per_s for one in limits if isinstance(one, RateLimit)]
+    assert len(rates) == len(limits) == len(RATES)
     assert all(20.0 < rate < changes.max() for rate in rates)
     assert rates == sorted(rates, reverse=True)
 

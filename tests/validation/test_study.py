@@ -238,3 +238,10 @@ def test_an_engine_speed_of_the_file_keeps_its_exponent():
     (effect,) = begun.base.explanation.effects
     assert isinstance(effect, EngineSpeed)
     assert effect.exponent == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.parametrize(("measured_s", "computed_s"), [(0.01, 0.04), (0.02, 0.04), (0.05, 0.05), (0.2, 0.2)])
+def test_the_current_is_reshaped_at_the_rate_of_the_recording_but_no_finer_than_a_servo_moves(measured_s, computed_s):
+    one = study([drive(160.0, dt_s=measured_s)], parse("arx:na=1,nb=3,delay_s=0.4"), None, 0.2)
+    (raw,) = one.search.scene.raw
+    assert raw.dt_s == pytest.approx(computed_s)

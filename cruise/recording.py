@@ -77,6 +77,7 @@ class Readings:
 class Recording:
     """Signals on a uniform grid: `time_s` (N,) with step `dt_s`, `columns` name to values (N,), NaN for not measured.
 
+    A sample is the reading at its time, or where `averaged` the mean over the period that ends there.
     `source` says where it comes from, `notes` what was lost or mended, `stamps_s` (M,) the time stamps as they were
     before the grid, where known. The arrays are read-only. Raises RecordingError for a grid that is not uniform,
     columns of another length, or no input or output.
@@ -88,6 +89,7 @@ class Recording:
     source: str
     notes: tuple[str, ...] = ()
     stamps_s: FloatArray | None = None
+    averaged: bool = False
 
     def __post_init__(self) -> None:
         for name in (INPUT, OUTPUT):
@@ -114,7 +116,7 @@ class Recording:
         if samples.step not in (None, 1):
             raise RecordingError(f"{self.source}: a part has to keep every sample; use resample for a coarser grid")
         columns = {name: values[samples] for name, values in self.columns.items()}
-        return Recording(self.time_s[samples], columns, self.dt_s, self.source, self.notes)
+        return replace(self, time_s=self.time_s[samples], columns=columns, stamps_s=None)
 
     @property
     def input(self) -> FloatArray:
@@ -262,9 +264,10 @@ def _in_ma(name: str, current: Readings, notes: list[str]) -> Readings:
 
 
 def resample(recording: Recording, dt_s: float) -> Recording:
-    """Return `recording` on a grid of `dt_s`, by the same rules as a file is read with."""
-    columns = {name: Readings(recording.time_s, values) for name, values in recording.columns.items()}
-    resampled = _on_grid(recording.time_s, columns, dt_s, recording.source, recording.notes)
+    """Return `recording` on a grid of `dt_s`, by the same rules as a file is read with; means are held over theirs."""
+    since_s = recording.time_s - recording.dt_s if recording.averaged else recording.time_s
+    columns = {name: Readings(since_s, values) for name, values in recording.columns.items()}
+    resampled = _on_grid(since_s, columns, dt_s, recording.source, recording.notes, held=recording.averaged)
     return replace(resampled, stamps_s=recording.stamps_s)
 
 
@@ -355,7 +358,13 @@ def _gated(current: Readings, flag: Readings, above: float) -> tuple[Readings, i
 
 
 def _on_grid(
-    base_s: FloatArray, columns: Mapping[str, Readings], dt_s: float | None, source: str, notes: tuple[str, ...]
+    base_s: FloatArray,
+    columns: Mapping[str, Readings],
+    dt_s: float | None,
+    source: str,
+    notes: tuple[str, ...],
+    *,
+    held: bool = False,
 ) -> Recording:
     if dt_s is not None and not 0.0 < dt_s < math.inf:
         raise RecordingError(f"{source}: a sampling period of {dt_s} s is impossible; give one above 0, such as 0.05")
@@ -386,7 +395,7 @@ def _on_grid(
             gridded[name] = np.full(len(grid_s), np.nan)
             continue
         times, known = snapped(readings.time_s[measured], start_s, dt_s), readings.values[measured]
-        step_s, kind = typical_step(times), kind_of(name)
+        step_s, kind = typical_step(times), Kind.HELD if held else kind_of(name)
         if averaged:
             gridded[name] = means(times, known, grid_s, dt_s, kind, stale_after(step_s))
         elif dt_s > COARSER * step_s and kind is not Kind.STATE:
@@ -394,7 +403,7 @@ def _on_grid(
             gridded[name] = means(times, known, grid_s + 0.5 * dt_s, dt_s, kind, stale_after(step_s))
         else:
             gridded[name] = between(times, known, grid_s, EARLY * dt_s, kind, stale_after(step_s))
-    return Recording(grid_s, gridded, dt_s, source, notes, base_s)
+    return Recording(grid_s, gridded, dt_s, source, notes, base_s, averaged)
 
 
 def _gap_notes(name: str, time_s: FloatArray) -> list[str]:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cruise.csv_file import read_csv
-from cruise.recording import ActiveWhen, Readings, RecordingError, RecordingSettings, arranged, resample
+from cruise.recording import ActiveWhen, Readings, Recording, RecordingError, RecordingSettings, arranged, resample
 from cruise.sampling import Kind, means
 from cruise.signals import INPUT, OUTPUT
 from tests.csv_files import PLAIN, csv_of, ramp
@@ -47,6 +47,23 @@ def test_a_coarser_grid_holds_the_means_that_the_online_path_takes(tmp_path):
     np.testing.assert_allclose(read.output, means(times, speeds, read.time_s, 0.2, Kind.CONTINUOUS, 0.3), atol=1e-9)
     by_hand = [speeds[::-1][20 * k : 20 * k + 20].mean() for k in range(19)]
     np.testing.assert_allclose(read.input, by_hand, atol=1e-9)
+
+
+@pytest.mark.parametrize("step_s", [0.01, 0.02, 0.04, 0.05, 0.1])
+def test_means_of_means_are_the_means_of_the_readings(step_s):
+    """A mean counts for the period that ends with it: speed and current stay as they lay."""
+    random = np.random.default_rng(6)
+    time_s = 7.3 + 0.01 * np.arange(4000)
+    speeds = np.cumsum(random.normal(size=4000)) * 0.01
+    fine = Recording(time_s, {INPUT: np.repeat(random.uniform(0.0, 900.0, 100), 40), OUTPUT: speeds}, 0.01, "fine")
+    between = resample(fine, step_s) if step_s > 0.01 else fine
+    at_once, in_two = resample(fine, 0.2), resample(between, 0.2)
+    assert between.averaged == (step_s > 0.01)
+    assert in_two.averaged
+    assert in_two[3:9].averaged
+    np.testing.assert_allclose(in_two.time_s, at_once.time_s, atol=1e-9)
+    for name in (INPUT, OUTPUT):
+        np.testing.assert_allclose(in_two.columns[name], at_once.columns[name], atol=1e-9)
 
 
 def test_resampling_follows_the_same_rules(tmp_path):

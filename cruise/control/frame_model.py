@@ -21,6 +21,7 @@ from cruise.model.model import Model
 
 SHORTEST_S = 1e-3  # s, a time constant that is none
 LONGEST_LAG_S = 1.0  # s, of an actuator; a spread beyond it is an error of the fit
+LAGS = 1000  # between the two, among which the one with a spread is looked up
 
 
 def cumulants_s(model: Model) -> tuple[float, float]:
@@ -42,9 +43,9 @@ def core_of(model: Model, period_s: float) -> Core:
     mean_s, spread_s2 = cumulants_s(model)
     slowest = slowest_pole(model)
     time_constant_s = -model.period_s / math.log(slowest) if slowest > 0.0 else SHORTEST_S
-    vehicle = _lag_cumulants_s(time_constant_s, period_s)
+    vehicle = _pole_cumulants_s(time_constant_s, period_s)
     lag_s = _lag_with_spread(spread_s2 - vehicle[1], period_s)
-    delay_s = mean_s - vehicle[0] - _lag_cumulants_s(lag_s, period_s)[0]
+    delay_s = mean_s - vehicle[0] - lag_s
     return Core(model.dc_gain_mps_per_ma, max(delay_s, 0.0), lag_s, time_constant_s)
 
 
@@ -68,16 +69,14 @@ def _moments(polynomial: np.ndarray) -> tuple[float, float]:
     return mean, float(places**2 @ polynomial) / total - mean**2
 
 
-def _lag_cumulants_s(lag_s: float, period_s: float) -> tuple[float, float]:
-    """Mean delay in s and spread in s2 of a first-order lag, sampled: q / (1 - q) and q / (1 - q)^2 periods."""
-    rest = math.exp(-period_s / max(lag_s, SHORTEST_S))
-    return period_s * rest / (1.0 - rest), period_s**2 * rest / (1.0 - rest) ** 2
+def _pole_cumulants_s(time_constant_s: float, period_s: float) -> tuple[float, float]:
+    """Mean delay in s and spread in s2 of y_k = q y_(k-1) + (1 - q) w_k: rho and rho (1 + rho) periods."""
+    rho = 1.0 / math.expm1(period_s / max(time_constant_s, SHORTEST_S))
+    return period_s * rho, period_s**2 * rho * (1.0 + rho)
 
 
 def _lag_with_spread(spread_s2: float, period_s: float) -> float:
-    """The lag in s whose sampled response has this spread; the shortest for none."""
-    if spread_s2 <= _lag_cumulants_s(SHORTEST_S, period_s)[1]:
-        return SHORTEST_S
-    ratio = spread_s2 / period_s**2  # r = q / (1 - q)^2
-    rest = (1.0 + 2.0 * ratio - math.sqrt(1.0 + 4.0 * ratio)) / (2.0 * ratio)
-    return min(-period_s / math.log(rest), LONGEST_LAG_S)
+    """The lag in s whose means over a period have this spread, T^2 x (1 - x + 2 rho) with x = tau / T."""
+    lags_s = np.linspace(SHORTEST_S, LONGEST_LAG_S, LAGS)
+    x = lags_s / period_s
+    return float(np.interp(spread_s2, period_s**2 * x * (1.0 - x + 2.0 / np.expm1(1.0 / x)), lags_s))

@@ -34,7 +34,7 @@ from cruise.signals import Signals
 SHARP_MA: Final = 0.5  # mA, an edge below which it is a corner
 JUMP_MA: Final = 8.0  # mA, least width of a jump: a fit by differences sees a slope on both sides
 BEYOND: Final = 20.0  # widths beyond the threshold, where everything is through
-EXACT_MA: Final = 1e-6  # mA, of the inverse
+EXACT_MA: Final = 1e-8  # mA, of the inverse
 WIDEST: Final = 0.25  # of the threshold: with a wider edge no current is left at which nothing moves
 
 

@@ -7,12 +7,15 @@ vehicle in s (its inertia over the stiffness of the drive, viscous friction incl
 what loads and rolling friction take, in m/s at rest. Over samples of T, which are means over one period,
 
     y_k = a y_(k-1) + (1 - a) [ K g sum_j h_j v_(k-j) + sum_m c_m phi_m + c_0 ],   a = exp(-T / T_v)
-    h = d * s_1 * s_2,   d_n = 1 - f, d_(n+1) = f for T_d = (n + f) T,   s_i,j = (1 - q_i) q_i^j,  q_i = exp(-T / tau_i)
+    h = d * s_1 * s_2,   d_n = 1 - f, d_(n+1) = f for T_d = (n + f) T
+    s_i,0 = 1 - (1 - q_i) tau_i / T,   s_i,j = (1 - q_i)^2 q_i^(j-1) tau_i / T,   q_i = exp(-T / tau_i)
 
-sum h_j = 1. In series with the lags stand pairs of poles omega^2 / (p^2 + 2 zeta omega p + omega^2), held over a
-period, where there are such: the servo's own, which does not ring, where two lags are too few; and a resonance of the
-drive train, which v passes with the share 1 - r as it is and with the share r through the pair. Source: K. J. Astrom,
-B. Wittenmark, Computer-Controlled Systems, 3rd ed. 1997, section 2.3.
+sum h_j = 1. s_i are the means over each period of what a lag makes of a signal that is held over each, so that
+sum j T s_i,j = tau_i: the drive comes as late at any period. In series with the lags stand pairs of poles
+omega^2 / (p^2 + 2 zeta omega p + omega^2), taken in the same way, where there are such: the servo's own, which does
+not ring, where two lags are too few; and a resonance of the drive train, which v passes with the share 1 - r as it is
+and with the share r through the pair. Source: K. J. Astrom, B. Wittenmark, Computer-Controlled Systems, 3rd ed. 1997,
+section 2.3.
 """
 
 import math
@@ -56,8 +59,8 @@ class Core:
         felt = (1.0 - share) * held[1 : count + 1] + share * held[:count]
         for lag_s in (self.lag_s, self.second_lag_s):
             if lag_s > 0.0:
-                rest = math.exp(-period_s / lag_s)
-                felt, _ = scipy.signal.lfilter([1.0 - rest], [1.0, -rest], felt, zi=[rest * felt[0]])
+                now, before, rest = _lag(lag_s, period_s)
+                felt, _ = scipy.signal.lfilter([now, before], [1.0, -rest], felt, zi=[(1.0 - now) * felt[0]])
         if self.servo_hz:
             felt = _through_pair(felt, self.servo_hz, self.servo_damping, period_s)
         if self.resonance_share == 0.0:
@@ -76,8 +79,9 @@ class Core:
         felt[int(whole) : int(whole) + 2] = 1.0 - share, share
         for lag_s in (self.lag_s, self.second_lag_s):
             if lag_s > 0.0:
-                rest = math.exp(-period_s / lag_s)
-                felt = np.convolve(felt[:count], (1.0 - rest) * rest ** np.arange(count))
+                now, before, rest = _lag(lag_s, period_s)
+                later = (before + rest * now) * rest ** np.arange(count - 1)
+                felt = np.convolve(felt[:count], np.concatenate([[now], later]))
         return felt[:count]
 
     @property
@@ -94,18 +98,25 @@ class Core:
         return delay, share[delay:] / share[delay:].sum()
 
 
+def _lag(lag_s: float, period_s: float) -> tuple[float, float, float]:
+    """w_k = rest w_(k-1) + now v_k + before v_(k-1): the means of a lag's output over the periods that v is held."""
+    rest = math.exp(-period_s / lag_s)
+    spent = lag_s / period_s * (1.0 - rest)
+    return 1.0 - spent, spent - rest, rest
+
+
 def _through_pair(drive_ma: np.ndarray, frequency_hz: float, damping: float, period_s: float) -> np.ndarray:
-    """A drive (N,) that is held over each period, after a pair of poles; before the first sample it was the same."""
+    """Means (N,) of a drive (N,), held over each period, after a pair of poles; before the first it was the same."""
     omega = 2.0 * math.pi * frequency_hz
-    damped = omega * math.sqrt(1.0 - damping**2)
-    shrink = math.exp(-damping * omega * period_s)
-    cosine, sine = math.cos(damped * period_s), math.sin(damped * period_s)
-    ratio = damping * omega / damped
-    denominator = [1.0, -2.0 * shrink * cosine, shrink * shrink]
-    b_1 = 1.0 - shrink * (cosine + ratio * sine)
-    b_2 = shrink * shrink + shrink * (ratio * sine - cosine)
-    start = scipy.signal.lfilter_zi([0.0, b_1, b_2], denominator) * drive_ma[0]
-    return scipy.signal.lfilter([0.0, b_1, b_2], denominator, drive_ma, zi=start)[0]
+    pole = complex(-damping * omega, omega * math.sqrt(1.0 - damping**2))  # 1/s
+    swing = complex(1.0, pole.real / pole.imag) / pole
+    ends = np.arange(4) * period_s
+    step = np.diff(ends - (swing * np.exp(pole * ends)).real) / period_s  # means of 1 - Re (1 - i r) e^(p t)
+    shrink = math.exp(pole.real * period_s)
+    denominator = [1.0, -2.0 * shrink * math.cos(pole.imag * period_s), shrink * shrink]
+    numerator = np.convolve(np.diff(step, prepend=0.0), denominator)[:3]
+    start = scipy.signal.lfilter_zi(numerator, denominator) * drive_ma[0]
+    return scipy.signal.lfilter(numerator, denominator, drive_ma, zi=start)[0]
 
 
 def discretised(

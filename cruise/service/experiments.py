@@ -279,4 +279,4 @@ def _recording(
     rows: Sequence[Mapping[str, float]], rate_hz: float, source: str, notes: tuple[str, ...] = ()
 ) -> Recording:
     columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
-    return Recording(np.arange(1, len(rows) + 1) / rate_hz, columns, 1.0 / rate_hz, source, notes)
+    return Recording(np.arange(1, len(rows) + 1) / rate_hz, columns, 1.0 / rate_hz, source, notes, averaged=True)

@@ -139,4 +139,4 @@ def _recording(samples: Sequence[Sample], period_s: float, source: str, notes: t
     columns = {name: np.array([sample.signals[name] for sample in samples]) for name in names}
     columns[INPUT] = np.array([sample.current_ma for sample in samples])
     columns[OUTPUT] = np.array([sample.speed_mps for sample in samples])
-    return Recording(period_s * np.arange(1, len(samples) + 1), columns, period_s, source, notes)
+    return Recording(period_s * np.arange(1, len(samples) + 1), columns, period_s, source, notes, averaged=True)

@@ -21,7 +21,7 @@ from cruise.validation.explanation import CORE, RESONANCE, Explanation
 from cruise.validation.simulation import RAN_AWAY_MPS, Scene
 
 STEP: Final = 1e-4  # of a parameter's range, for the differences
-TOLERANCE: Final = 1e-4  # relative change of cost and parameters at which a fit has ended
+TOLERANCE: Final = 1e-5  # relative change of cost and parameters at which a fit has ended
 INSIDE: Final = 1e-2  # of a typical change, by which a fit starts inside its bounds
 MOST_STEPS: Final = 25
 FAR: Final = 1e3  # bounds of coefficients, in units of their own scale
@@ -171,7 +171,13 @@ def bounded(errors: np.ndarray) -> np.ndarray:
     return np.clip(np.nan_to_num(errors, posinf=RAN_AWAY_MPS, neginf=-RAN_AWAY_MPS), -RAN_AWAY_MPS, RAN_AWAY_MPS)
 
 
-def fit(scene: Scene, plan: Layout, whiten: Callable[[np.ndarray], np.ndarray], steps: int = MOST_STEPS) -> Fit:
+def fit(
+    scene: Scene,
+    plan: Layout,
+    whiten: Callable[[np.ndarray], np.ndarray],
+    steps: int = MOST_STEPS,
+    tolerance: float = TOLERANCE,
+) -> Fit:
     """The least squares fit from where the plan starts."""
     objective = Objective(scene, plan, whiten)
     low, high = plan.bounds
@@ -182,9 +188,9 @@ def fit(scene: Scene, plan: Layout, whiten: Callable[[np.ndarray], np.ndarray], 
         start,
         jac=objective.jacobian,  # type: ignore[arg-type]
         bounds=(low, high),
-        x_scale=plan.scale,
-        ftol=TOLERANCE,
-        xtol=TOLERANCE,
+        x_scale="jac",
+        ftol=tolerance,
+        xtol=tolerance,
         gtol=1e-9,
         max_nfev=steps,
     )

@@ -101,7 +101,7 @@ def add(study: Study, effect: str | Custom, show: Show = lambda text: None) -> A
     else:
         known = candidate(effect, study.recordings)
     show(f"fitting with {name}")
-    after = search.served(search.judged(name, search.grown(base.explanation, known)))
+    after = search.served(search.judged(name, search.settled(search.grown(base.explanation, known))))
     terms = [one for one in after.explanation.effects if isinstance(one, Custom)]
     undefined = [one.name for one in terms if not defined(one, study.recordings)]
     if undefined:

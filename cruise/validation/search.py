@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from cruise.model import prediction
-from cruise.validation.candidates import Candidate
+from cruise.validation.candidates import Candidate, without
 from cruise.validation.disturbance import Disturbance, disturbance_of
 from cruise.validation.explanation import CORE, START, Explanation
 from cruise.validation.fitting import Fit, Layout, Objective, as_it_is, bounded, fit, layout
@@ -29,7 +29,9 @@ PARTS: Final = (1.0, 0.3)  # of that step, or none: the errors are not quite lin
 MOST_STARTS: Final = 3  # from which fits of one candidate begin
 QUICK_STEPS: Final = 4  # of the solver, to choose among several starts
 ONE_STEP: Final = 2  # likewise: where it stands and one step on
-ORDINARY_STEPS: Final = 20
+ORDINARY_STEPS: Final = 40
+SETTLED_STEPS: Final = 300
+SETTLED: Final = 1e-7  # relative change at which a fit has settled: along a valley of several shapes steps are short
 BOOTSTRAPS: Final = 400
 PUMP_HZ: Final = 1.0  # Hz, below which a servo is no pump's, but the loop around a whole drive: well damped
 SERVO_HZ: Final = (0.8, 1.8)  # from which the fit of a servo with a pair of poles begins
@@ -153,6 +155,19 @@ class Search:
     def finished(self, begun: Fit) -> Fit:
         """The fit carried on to its end."""
         return fit(self.scene, replace(begun.layout, start=begun.explanation), as_it_is, ORDINARY_STEPS)
+
+    def settled(self, begun: Fit) -> Fit:
+        """The fit carried on until nothing changes: of a model that is kept, where the way to it may take its time."""
+        plan = replace(begun.layout, start=begun.explanation)
+        return min(fit(self.scene, plan, as_it_is, SETTLED_STEPS, SETTLED), begun, key=lambda one: one.cost)
+
+    def regrown(self, found: Fit, candidates: Sequence[Candidate]) -> Fit:
+        """The fit settled, or a better one in which an effect began anew beside all that came after it."""
+        best = self.settled(found)
+        for one in candidates:
+            anew = self.grown_from_all(without(best.explanation, one.name), one)
+            best = min(best, self.settled(anew), key=lambda fit: fit.cost)
+        return best
 
     def grown_anew(self, explanation: Explanation, candidate: Candidate) -> Fit:
         """`grown` with the lags' time in the vehicle at first: data say how slow all of them are before which."""

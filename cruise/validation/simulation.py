@@ -26,6 +26,7 @@ from cruise.validation.slope import PITCH, SLOPE, pitch_share, slope_deg
 WARM_UP_S: Final = 3.0  # s, the paper's horizon: what a prediction at least has to reach, unless told otherwise
 JUDGED_S: Final = 6.0  # s; longer costs more steps, shorter more starts
 RAN_AWAY_MPS: Final = 1e3  # m/s, a speed or an error beyond which no more is to be learned
+SAME_TIME: Final = 0.01  # of a period: time stamps that differ by less are one
 CACHED: Final = 400  # arrays; older ones are forgotten
 
 
@@ -35,8 +36,9 @@ class Raw:
     def __init__(self, fine: Recording, coarse: Recording) -> None:
         self.dt_s = fine.dt_s
         self.current_ma = fine.input
-        edges = np.concatenate([[coarse.time_s[0] - coarse.dt_s], coarse.time_s]) + 0.01 * fine.dt_s
-        self.edges = np.searchsorted(fine.time_s, edges)
+        since_s = fine.time_s - fine.dt_s if fine.averaged else fine.time_s  # from when on each sample holds
+        edges = np.concatenate([[coarse.time_s[0] - coarse.dt_s], coarse.time_s]) - SAME_TIME * fine.dt_s
+        self.edges = np.searchsorted(since_s, edges)
         counts = np.diff(self.edges)
         self.each = int(counts[0]) if len(counts) and (counts == counts[0]).all() else 0  # samples in every period
         self.same = len(fine) == len(coarse)

@@ -130,7 +130,7 @@ def drive(example: Example, show: Callable[[str], None] = lambda text: None) -> 
                 streams[reading.name].push(reading.time_s, reading.value)
         rows.append(sampler.sample(STANDSTILL_S + end_s, 1.0 / RATE_HZ))
     shown = {name: np.array([row[name] for row in rows]) for name in rows[0]}
-    return Recording(time_s, shown, 1.0 / RATE_HZ, example.name)
+    return Recording(time_s, shown, 1.0 / RATE_HZ, example.name, averaged=True)
 
 
 def _currents(rng: np.random.Generator, time_s: np.ndarray) -> np.ndarray:

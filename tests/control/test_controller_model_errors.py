@@ -79,7 +79,7 @@ def test_as_much_of_the_width_is_believed_as_the_machine_has(share):
     assert loop.controller.observer.width_share == pytest.approx(min(1.0 / share, 1.0), abs=0.05)
     effect = loop.controller.model.effects[0]
     assert isinstance(effect, Hysteresis)
-    assert effect.width_ma == pytest.approx(min(BAND_MA, share * BAND_MA), abs=2.0)
+    assert effect.width_ma == pytest.approx(min(BAND_MA, share * BAND_MA), abs=2.5)
 
 
 def test_what_is_believed_of_the_width_outlives_an_adoption_and_a_signal_that_was_lost():

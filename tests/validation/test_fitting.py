@@ -163,7 +163,7 @@ HIDDEN = {
 
 @pytest.mark.parametrize("effect", HIDDEN)
 def test_a_hidden_effect_is_measured_by_its_fit(effect):
-    """A machine with continuous dynamics; the discrete one takes up the half periods that it lacks as delay."""
+    """On a machine with continuous dynamics."""
     hidden, truth = HIDDEN[effect]
     one = drive(240.0, 3, 0.1, 0.02, columns={"pitch_deg": SLOPE}, **hidden)
     search = search_of(one, fixed=frozenset({"grade.acceleration_share"}))
@@ -179,7 +179,7 @@ def test_a_hidden_effect_is_measured_by_its_fit(effect):
     # A slope that is seen through a low-pass of its own and the vehicle's lag are hard to tell apart.
     assert core.time_constant_s == pytest.approx(VEHICLE_S, rel=0.12 if effect == "grade" else 0.03)
     total_s = core.delay_s + core.lag_s + core.second_lag_s
-    assert DELAY_S + LAG_S + SECOND_LAG_S < total_s < DELAY_S + LAG_S + SECOND_LAG_S + 1.5 * one.dt_s
+    assert total_s == pytest.approx(DELAY_S + LAG_S + SECOND_LAG_S, abs=0.3 * one.dt_s)
 
 
 def test_a_delay_beyond_the_models_own_and_a_resonance_are_found():
@@ -191,7 +191,7 @@ def test_a_delay_beyond_the_models_own_and_a_resonance_are_found():
     assert found.explanation.core.delay_s == pytest.approx(1.25, abs=0.05)
     assert "transport_delay" in found.explanation.names
     beside = search.grown(found.explanation, EffectCandidate("quadratic_gain"))
-    assert beside.explanation.core.delay_s == pytest.approx(1.25, abs=0.05), "what was found stays"
+    assert beside.explanation.core.delay_s == pytest.approx(1.25, abs=0.06), "what was found stays"
     bare = search.fitted(without(found.explanation, "transport_delay"))
     assert bare.explanation.core.delay_s <= 0.5
     truth = replace(TRUE, resonance_share=0.5, resonance_hz=0.7, damping=0.15)

@@ -160,7 +160,7 @@ def test_slip_that_starts_unknown_matters_little_three_seconds_later():
 
 @pytest.mark.parametrize("case", ["core alone", "command", "load", "all at once"])
 def test_from_a_finer_recording_it_is_the_same_to_a_percent_of_the_speed(case):
-    """Lags that are stepped at 20 Hz lead less than at 5 Hz: half a coarse period for each, and the same statics."""
+    """As late and as steep at 20 Hz as at 5 Hz, but for lags that see the one before as held over a sample."""
     effects, loads = CASES[case]
     explanation = Explanation(CORE, effects, loads, 0.1)
     fine = recording(dt_s=0.05)
@@ -168,8 +168,17 @@ def test_from_a_finer_recording_it_is_the_same_to_a_percent_of_the_speed(case):
     (from_fine,) = scene_of(coarse, raw=(fine,)).simulate([explanation])
     (from_coarse,) = scene_of(coarse).simulate([explanation])
     difference = from_fine - from_coarse
-    assert np.sqrt(np.nanmean(difference**2)) < 0.05 * np.std(coarse.output)
-    assert abs(np.nanmean(difference)) < 0.01 * np.mean(coarse.output)
+    assert np.sqrt(np.nanmean(difference**2)) < 0.025 * np.std(coarse.output)
+    assert abs(np.nanmean(difference)) < 0.001 * np.mean(coarse.output)
+
+
+@pytest.mark.parametrize("dt_s", [0.01, 0.02, 0.04, 0.05, 0.1, 0.2])
+@pytest.mark.parametrize("averaged", [False, True])
+def test_a_current_that_nothing_reshapes_is_the_one_of_the_grid(dt_s, averaged):
+    fine = replace(recording(dt_s=dt_s), averaged=averaged)
+    coarse = resample(fine, PERIOD_S) if dt_s < PERIOD_S else fine
+    scene = scene_of(coarse, raw=(fine,))
+    assert scene.drive(())[0] == pytest.approx(coarse.input, abs=1e-9)
 
 
 def test_the_mean_of_a_reshaped_current_is_taken_where_the_current_was_measured():

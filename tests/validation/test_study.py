@@ -103,7 +103,7 @@ def test_the_machines_numbers_are_found(plain):
     assert plain.base.explanation.offset_mps == pytest.approx(OFFSET_MPS, abs=0.02)
     true_s = DELAY_S + LAG_S + SECOND_LAG_S
     found_s = core.delay_s + core.lag_s + core.second_lag_s
-    assert true_s < found_s < true_s + 0.2  # half a period for the mean of the speed, half a sample for each lag
+    assert found_s == pytest.approx(true_s, abs=0.03)
     assert np.sqrt(plain.base.loss) == pytest.approx(0.02 / np.sqrt(2.0), rel=0.2)
     assert plain.period_s == PERIOD_S
 
@@ -124,7 +124,7 @@ def test_the_models_effects_are_fitted_with_the_core():
     (effect,) = begun.base.explanation.effects
     assert isinstance(effect, DeadZone)
     assert effect.threshold_ma == pytest.approx(350.0, abs=8.0)
-    assert heard == ["fitting the core", "fitting with dead_zone"]
+    assert heard == ["fitting the core", "fitting with dead_zone", "fitting all together"]
     bare = study([one], PLAIN, None, PERIOD_S)
     assert begun.base.loss < 0.6 * bare.base.loss
 
@@ -152,7 +152,7 @@ def test_what_recordings_say_nothing_about_is_not_fitted():
 
 def test_a_servo_of_second_order_is_the_cores_and_no_effect():
     one = study([drive(400.0, noise_mps=0.01, pair=(0.9, 0.7))], PLAIN, None, PERIOD_S)
-    assert one.base.explanation.core.servo_hz == pytest.approx(0.9, rel=0.1)
+    assert one.base.explanation.core.servo_hz == pytest.approx(0.9, rel=0.15), "it trades with the lags"
     assert one.base.explanation.core.servo_damping == pytest.approx(0.7, abs=0.08)
     assert one.base.explanation.names == ()
     assert np.sqrt(one.base.loss) < 0.0085, "the noise of means over two samples is 0.0071"
@@ -181,7 +181,7 @@ def test_the_pair_is_found_where_an_effect_hid_that_it_is_there(monkeypatch):
     slope = wander(4000, 0.1, 3, 3.0, 8.0)
     load = -0.15 * np.sin(np.radians(slope)) * GRAVITY_MPS2
     driven = drive(400.0, noise_mps=0.01, load_mps=load, columns={"pitch_deg": slope}, pair=(0.9, 0.7))
-    monkeypatch.setattr("cruise.validation.search.SERVO_GAIN", 0.2)
+    monkeypatch.setattr("cruise.validation.search.SERVO_GAIN", 0.1)
     one = study([driven], PLAIN, None, PERIOD_S)
     assert one.base.explanation.core.servo_hz == 0.0, "a tenth of what the slope leaves"
     found = diagnose(one)

@@ -44,7 +44,8 @@ def drive(
                 sampler.push(reading.name, reading.time_s, reading.value)
         rows.append(sampler.sample(now_s, period_s))
     columns = {name: np.array([row[name] for row in rows]) for name in _NAMES}
-    return Recording(period_s * np.arange(1, len(rows) + 1), columns, period_s, f"commissioning drive, seed {seed}")
+    time_s = period_s * np.arange(1, len(rows) + 1)
+    return Recording(time_s, columns, period_s, f"commissioning drive, seed {seed}", averaged=True)
 
 
 def parts(recording: Recording, *at_s: float) -> list[Recording]:

@@ -87,4 +87,5 @@ def _recording(samples: Sequence[Sample], model: Model, source: str) -> Recordin
     columns = {name: np.array([one.signals[name] for one in samples]) for name in dict.fromkeys(names)}
     columns[INPUT] = np.array([one.current_ma for one in samples])
     columns[OUTPUT] = np.array([one.speed_mps for one in samples])
-    return Recording(model.period_s * np.arange(1, len(samples) + 1), columns, model.period_s, source)
+    time_s = model.period_s * np.arange(1, len(samples) + 1)
+    return Recording(time_s, columns, model.period_s, source, averaged=True)

@@ -119,6 +119,11 @@ class Recording:
         return replace(self, time_s=self.time_s[samples], columns=columns, stamps_s=None)
 
     @property
+    def since_s(self) -> FloatArray:
+        """From when on every sample (N,) counts: a current is held from its reading, a mean is that of the past."""
+        return self.time_s - self.dt_s if self.averaged else self.time_s
+
+    @property
     def input(self) -> FloatArray:
         """The pump current in mA (N,), or what was chosen as input."""
         return self.columns[INPUT]
@@ -265,9 +270,8 @@ def _in_ma(name: str, current: Readings, notes: list[str]) -> Readings:
 
 def resample(recording: Recording, dt_s: float) -> Recording:
     """Return `recording` on a grid of `dt_s`, by the same rules as a file is read with; means are held over theirs."""
-    since_s = recording.time_s - recording.dt_s if recording.averaged else recording.time_s
-    columns = {name: Readings(since_s, values) for name, values in recording.columns.items()}
-    resampled = _on_grid(since_s, columns, dt_s, recording.source, recording.notes, held=recording.averaged)
+    columns = {name: Readings(recording.since_s, values) for name, values in recording.columns.items()}
+    resampled = _on_grid(recording.since_s, columns, dt_s, recording.source, recording.notes, held=recording.averaged)
     return replace(resampled, stamps_s=recording.stamps_s)
 
 

@@ -139,7 +139,8 @@ def _white_part(recordings: Sequence[Recording], period_s: float) -> _Level | No
     level = float(bands[run].mean())
     variance = level * 0.5 / dt_s
     ratio = period_s / dt_s
-    averaged = (ratio - 0.5) / ratio**2 if ratio > COARSER else 1.0  # trapezoids over a period: half weight at its ends
+    each = ratio if recordings[0].averaged else ratio - 0.5  # trapezoids over a period have half weight at its ends
+    averaged = each / ratio**2 if ratio > COARSER else 1.0
     step_hz = BIN_BAND / (SEGMENT * dt_s)
     return _Level(
         std_mps=float(np.sqrt(variance * averaged)),

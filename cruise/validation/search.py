@@ -14,8 +14,9 @@ from typing import Final
 
 import numpy as np
 
+from cruise.effects import Stage
 from cruise.model import prediction
-from cruise.validation.candidates import Candidate, without
+from cruise.validation.candidates import Candidate, EffectCandidate, kinds_of, without
 from cruise.validation.disturbance import Disturbance, disturbance_of
 from cruise.validation.explanation import CORE, START, Explanation
 from cruise.validation.fitting import Fit, Layout, Objective, as_it_is, bounded, fit, layout
@@ -161,11 +162,14 @@ class Search:
         plan = replace(begun.layout, start=begun.explanation)
         return min(fit(self.scene, plan, as_it_is, SETTLED_STEPS, SETTLED), begun, key=lambda one: one.cost)
 
-    def regrown(self, found: Fit, candidates: Sequence[Candidate]) -> Fit:
-        """The fit settled, or a better one in which an effect began anew beside all that came after it."""
+    def regrown(self, found: Fit) -> Fit:
+        """The fit settled, or a better one in which what reshapes the current began anew beside all that came later.
+
+        Several such effects lead into valleys from which no step leads out.
+        """
         best = self.settled(found)
-        for one in candidates:
-            anew = self.grown_from_all(without(best.explanation, one.name), one)
+        for name in [one.name for one in found.explanation.effects if one.stage is Stage.COMMAND]:
+            anew = self.grown_from_all(without(best.explanation, name), EffectCandidate(name, told=kinds_of(name)))
             best = min(best, self.settled(anew), key=lambda fit: fit.cost)
         return best
 

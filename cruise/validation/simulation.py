@@ -36,9 +36,8 @@ class Raw:
     def __init__(self, fine: Recording, coarse: Recording) -> None:
         self.dt_s = fine.dt_s
         self.current_ma = fine.input
-        since_s = fine.time_s - fine.dt_s if fine.averaged else fine.time_s  # from when on each sample holds
         edges = np.concatenate([[coarse.time_s[0] - coarse.dt_s], coarse.time_s]) - SAME_TIME * fine.dt_s
-        self.edges = np.searchsorted(since_s, edges)
+        self.edges = np.searchsorted(fine.since_s, edges)
         counts = np.diff(self.edges)
         self.each = int(counts[0]) if len(counts) and (counts == counts[0]).all() else 0  # samples in every period
         self.same = len(fine) == len(coarse)

@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from cruise.effects import EFFECTS, Effect, Stage
+from cruise.effects import EFFECTS, Effect
 from cruise.identification.preparation import at_period
 from cruise.identification.regressors import UNCHANGED, FitError
 from cruise.identification.structures import Family, Structure
@@ -91,13 +91,13 @@ def study(
         )
     show("fitting the core")
     found = search.fitted(explanation)
-    own = [EffectCandidate(one.name, given=one if file else None, told=kinds_of(one.name)) for one in effects]
-    for mine in own:
-        show(f"fitting with {mine.name}")
+    for effect in effects:
+        show(f"fitting with {effect.name}")
+        mine = EffectCandidate(effect.name, given=effect if file else None, told=kinds_of(effect.name))
         found = search.grown(found.explanation, mine)
-    if own:
+    if effects:
         show("fitting all together")
-        found = search.regrown(found, [one for one in own if one.given is None and _reshapes(one)])
+        found = search.settled(found) if file else search.regrown(found)
     return Study(tuple(prepared), search, search.served(search.judged("", found)), horizon_s, structure.delay_s)
 
 
@@ -131,11 +131,6 @@ def _no_finer(one: Recording, period_s: float) -> Recording:
     """A recording as means over a part of the period where it is far finer than `FINEST_S`."""
     fine_s = period_s / max(math.floor(period_s / FINEST_S + ROUNDING), 1)
     return resample(one, fine_s) if one.dt_s <= NO_NEED * fine_s else one
-
-
-def _reshapes(one: EffectCandidate) -> bool:
-    """Whether the effect reshapes the current, where several lead into valleys from which no step leads out."""
-    return EFFECTS[one.name].stage is Stage.COMMAND
 
 
 def _fixed(effects: Sequence[Effect], recordings: Sequence[Recording]) -> frozenset[str]:

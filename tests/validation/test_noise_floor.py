@@ -1,5 +1,7 @@
 """The floor is the sensor's noise where nothing else is unknown, and never above what a perfect model would reach."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import signal
@@ -45,6 +47,14 @@ def test_the_interval_holds_the_truth_as_often_as_it_says():
         levels.append(white.value_mps)
     assert np.mean(levels) == pytest.approx(0.02, rel=0.01)
     assert held >= 16  # 95 % of 20 is 19; fewer than 16 has a chance of 0.3 %
+
+
+def test_means_of_means_have_less_of_the_noise_by_every_one_of_them():
+    native = replace(record(seed=2, seconds=1200.0, noise_mps=0.02), averaged=True)
+    coarse = resample(native, PERIOD_S)
+    white = noise_floor([native], [coarse], [np.full(len(coarse), np.nan)], H).white
+    assert white is not None
+    assert white.value_mps == pytest.approx(0.02 / np.sqrt(4.0), rel=0.03)
 
 
 def test_a_perfect_model_has_nothing_to_gain():

@@ -123,7 +123,7 @@ def test_every_fold_has_the_numbers_that_a_fit_without_it_finds():
             float(np.sum(objective.residual(one) ** 2))
             for one in (found.vector, vector, fit(search.scene, plan, unheld, 100, SETTLED).vector)
         )
-        assert step <= full
+        assert step < full
         assert step < exact + 0.001 * full
         pulls = []
         for one in (found.vector, vector):
@@ -250,5 +250,4 @@ def test_an_effect_that_stands_in_the_wrong_valley_begins_anew():
     search = search_of(recorded(160.0, command=lambda u: np.maximum(u - 400.0, 0.0)))
     stuck = search.fitted(with_effect(START, DeadZone(24.0, 4.5)))
     assert search.settled(stuck).cost > 0.9 * stuck.cost
-    assert search.regrown(stuck, []).cost == search.settled(stuck).cost
-    assert search.regrown(stuck, [EffectCandidate("dead_zone")]).cost < 0.5 * stuck.cost
+    assert search.regrown(stuck).cost < 0.5 * stuck.cost

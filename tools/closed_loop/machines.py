@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from msgspec import structs
 
-from cruise.effects import Effect, Stage
+from cruise.effects import Effect
 from cruise.effects.gear_ratio import GearRatio
 from cruise.effects.grade import Grade
 from cruise.identification.structures import parse
@@ -19,7 +19,6 @@ from cruise.plant import Combine, Inputs, PlantSettings, SensorReading
 from cruise.recording import Recording
 from cruise.sampling import SamplingSettings, StreamSampler
 from cruise.signals import CONTEXT, INPUT, OUTPUT
-from cruise.validation.candidates import EffectCandidate, kinds_of
 from cruise.validation.search import Judged, Search
 from cruise.validation.slope import PITCH, slope_deg
 from cruise.validation.study import Study, discrete, study
@@ -147,8 +146,7 @@ def _with(begun: Study, **slope: float) -> Judged:
     explanation = begun.base.explanation
     effects = tuple(_grade(one, **slope) for one in explanation.effects)
     search = Search(begun.search.scene, LONGEST_DELAY_S, begun.search.gain_scale, begun.search.fixed | SLOPE)
-    reshaping = [EffectCandidate(one.name, told=kinds_of(one.name)) for one in effects if one.stage is Stage.COMMAND]
-    return search.judged("", search.regrown(search.fitted(replace(explanation, effects=effects)), reshaping))
+    return search.judged("", search.regrown(search.fitted(replace(explanation, effects=effects))))
 
 
 def _grade(effect: Effect, **slope: float) -> Effect:

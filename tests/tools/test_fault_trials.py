@@ -137,6 +137,15 @@ class Blind(Fault):
         return {name: value * (0.5 if name.endswith("speed_mps") else 1.0) for name, value in values.items()}
 
 
+def test_a_fault_that_lasts_has_its_time_to_show():
+    """Downhill in third gear: at the end of the drive an open drive line still looks like the hill."""
+    plan = Plan.of(FAULTS["drive line opens unseen"], 281114)
+    assert trial.judge(plan, trial.driven(plan)).verdict == "silent"
+    found = trial.run(plan)
+    assert (found.verdict, found.how) == ("detected", "current and speed do not fit the model")
+    assert plan.from_s + found.after_s > plan.seconds
+
+
 def test_without_redundancy_the_trial_says_silent_failure():
     row = replace(FAULTS["every speed scaled"], make=lambda rng: Blind(), bounded=False)
     plan = Plan(row, 1, manoeuvre(1).engage_s + 2.0, math.inf)

@@ -4,11 +4,12 @@ Detected: cruise lets go, or does not take over, while the fault is there or for
 end the true speed stays within 0.3 m/s of what the operator asked for, as a machine can follow it, and the true
 acceleration within 1.5 m/s2 while the machine does what a command of cruise says, or neither is more than the same
 drive shows without the fault (a hill in a fast gear). After an exit no command may be active. A fault that is neither
-is a silent failure.
+is a silent failure. One that lasts beyond the end of the drive is given more time before it is called one: downhill in
+a fast gear a drive line that is open shows only once the current has fallen for long.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from random import Random
 from typing import Any, Final
 
@@ -20,6 +21,7 @@ OVERSPEED_MPS: Final = 0.3
 ACCEL_MPS2: Final = 1.5
 AFTER_S: Final = 1.5  # s that a trial goes on after the exit: nothing may become active again
 LINGER_S: Final = 3.0  # s after the fault in which an exit is still its work
+LASTING_S: Final = 15.0  # s of a fault that lasts, before it is called silent
 ACCEL_ROWS: Final = 4  # frames over which the acceleration is taken: 0.2 s, shorter ones are tyres
 PERIOD_S: Final = {"DriveFeedback": 0.02, "EEC1": 0.02, "ETC2": 0.1, "MachineState": 0.05}
 PANEL_PERIOD_S: Final = 0.1
@@ -74,6 +76,7 @@ class Plan:
     seed: int
     from_s: float
     to_s: float
+    seconds: float = SECONDS
 
     @classmethod
     def of(cls, row: FaultRow, seed: int) -> "Plan":
@@ -86,14 +89,18 @@ class Plan:
 
 
 def run(plan: Plan) -> Outcome:
-    """Drive it."""
-    return judge(plan, driven(plan))
+    """Drive it, and longer where it would be called silent while it lasts."""
+    found = judge(plan, driven(plan))
+    if found.verdict != "silent" or math.isfinite(plan.to_s):
+        return found
+    longer = replace(plan, seconds=max(plan.seconds, plan.from_s + LASTING_S))
+    return judge(longer, driven(longer))
 
 
 def driven(plan: Plan) -> Bed:
     """The drive itself."""
     fault = plan.row.make(Random(f"{plan.seed} {plan.row.name}"))
-    return Bed(manoeuvre(plan.seed), fault).run(SECONDS, plan.from_s, plan.to_s, AFTER_S)
+    return Bed(manoeuvre(plan.seed), fault).run(plan.seconds, plan.from_s, plan.to_s, AFTER_S)
 
 
 def judge(plan: Plan, bed: Bed) -> Outcome:
@@ -129,7 +136,7 @@ def judge(plan: Plan, bed: Bed) -> Outcome:
 
 def _harm_without(plan: Plan) -> tuple[float, float]:
     """The same of the same drive without the fault."""
-    bed = Bed(manoeuvre(plan.seed)).run(SECONDS)
+    bed = Bed(manoeuvre(plan.seed)).run(plan.seconds)
     return _harm([row for row in bed.rows if row.time_s >= plan.from_s])
 
 

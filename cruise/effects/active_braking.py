@@ -1,12 +1,13 @@
 """Active braking: the machine slows down with another time constant than it speeds up with.
 
-    alpha = 1 + w (p - 1),   w = 3 t^2 - 2 t^3,   t = min(max((V_k - D_k) / band, 0), 1)
-    D_k = D_(k-1) + (1 - exp(-T / tau_d)) (|v_k| - D_(k-1))
-    V_k = V_(k-1) + (1 - exp(-T alpha / tau_v)) (D_k - V_(k-1))
+    alpha = min(1 + w (p - 1), r T / ((1 - q) (V_(k-1) - D_k))),   w = 3 t^2 - 2 t^3,   t = clip((V - D) / band, 0, 1)
+    D = |v| through three lags of tau_d / 3
+    V_k = V_(k-1) + (1 - q^alpha) (D_k - V_(k-1)),   q = exp(-T / tau_v)
 
 alpha factor on the poles (y_k = alpha f + (1 - alpha) y_(k-1), equation 12 of the paper), p braking pace without unit,
-w share of braking, v drive signal in mA, D what of it has arrived after the delay and lag tau_d, V a copy of the
-vehicle, in mA, that follows with tau_v and brakes as the machine does, band = 20 mA, T period in s.
+w share of braking, v drive signal in mA, D what of it has arrived after the delay and lags tau_d, V a copy of the
+vehicle, in mA, that follows with tau_v and brakes as the machine does, band = 20 mA, T period in s, r greatest fall in
+mA/s: a machine that nothing brakes loses no more speed than rolling takes, however far the pump is brought back.
 Source: section I of Coen et al. 2005 ("the machine is able to brake actively"), equation 12; the form of w is an
 assumption of this program.
 """
@@ -21,6 +22,8 @@ import numpy as np
 from cruise.effects.effect import About, Effect, Parameter, Stage, State, Value, clip, where
 from cruise.signals import Signals
 
+UNLIMITED_MA_PER_S: Final = 10000.0  # mA/s: a tenth of a second from full current, quicker than any machine
+LAGS: Final = 3.0  # in series: nearer to a dead time than one
 BAND_MA: Final = 20.0  # mA of falling drive at which all of it is braking; above the ripple of a steady current
 
 
@@ -35,6 +38,9 @@ class ActiveBraking(Effect):
         "braking_pace": Parameter(
             "-", 0.2, 4.0, 1.0, "pace while the drive falls; below 1 the machine coasts, above it brakes harder"
         ),
+        "fall_ma_per_s": Parameter(
+            "mA/s", 20.0, UNLIMITED_MA_PER_S, UNLIMITED_MA_PER_S, "greatest fall that it follows; 10000 is no limit"
+        ),
         "lag_s": Parameter("s", 0.05, 1.5, 0.4, "delay and lag after which the vehicle feels the drive"),
         "time_constant_s": Parameter("s", 0.1, 3.0, 0.5, "of the vehicle while it speeds up"),
     }
@@ -42,8 +48,10 @@ class ActiveBraking(Effect):
         physics="When the pump is brought back, the wheels drive the motor and the motor drives the pump: the drive "
         "brakes against the engine's drag. Relief valves, replenishing valves and the little that a diesel can absorb "
         "make this path another one than that of acceleration, so that the machine coasts, or brakes harder than it "
-        "accelerates. One linear model can only have the mean of both time constants.",
-        equation="y_k = alpha f + (1 - alpha) y_(k-1),  alpha = 1 + w (p - 1),  w = 1 while |v| falls, 0 otherwise",
+        "accelerates; and however far the pump is brought back, it slows down no faster than rolling and a braking "
+        "pressure allow. One linear model can only have the mean of both ways.",
+        equation="y_k = alpha f + (1 - alpha) y_(k-1),  alpha = 1 + w (p - 1),  w = 1 while |v| falls, 0 otherwise; "
+        "alpha less where the drive would fall by more than r",
         source="Coen et al. 2005, section I and equation 12; the smooth switch is an assumption",
         signature="after each step down the residual has one sign for a second or two, and the opposite one after "
         "each step up if the linear part was fitted to both; nothing in steady driving",
@@ -54,50 +62,65 @@ class ActiveBraking(Effect):
     )
 
     braking_pace: float = 1.0
+    fall_ma_per_s: float = UNLIMITED_MA_PER_S
     lag_s: float = 0.4
     time_constant_s: float = 0.5
 
     def start(self, like: Value) -> State:
-        """Drive that has arrived and the vehicle's copy, in mA, unknown before the first sample; share of braking."""
-        return like * math.nan, like * math.nan, like * 0.0
+        """The three lags and the vehicle's copy, in mA, unknown before the first sample; the pace."""
+        return like * math.nan, like * math.nan, like * math.nan, like * math.nan, like * 0.0 + 1.0
 
     def step(self, value: Value, past_speed: Value, signals: Signals, state: State, dt_s: float) -> tuple[Value, State]:
         """The drive as it is; the state follows its magnitude."""
-        arrived_ma, copy_ma, braking = state
+        first_ma, second_ma, arrived_ma, copy_ma, _ = state
         magnitude_ma = abs(value)
+        lag = 1.0 - np.exp(-LAGS * dt_s / self.lag_s)
+        first_ma = where(first_ma == first_ma, first_ma, magnitude_ma)
+        second_ma = where(second_ma == second_ma, second_ma, magnitude_ma)
         arrived_ma = where(arrived_ma == arrived_ma, arrived_ma, magnitude_ma)
-        arrived_ma = arrived_ma + (1.0 - np.exp(-dt_s / self.lag_s)) * (magnitude_ma - arrived_ma)
+        first_ma = first_ma + lag * (magnitude_ma - first_ma)
+        second_ma = second_ma + lag * (first_ma - second_ma)
+        arrived_ma = arrived_ma + lag * (second_ma - arrived_ma)
         copy_ma = where(copy_ma == copy_ma, copy_ma, arrived_ma)
         falling = clip((copy_ma - arrived_ma) / BAND_MA, 0.0, 1.0)
-        braking = falling * falling * (3.0 - 2.0 * falling)
-        pace = 1.0 + braking * (self.braking_pace - 1.0)
+        pace = 1.0 + falling * falling * (3.0 - 2.0 * falling) * (self.braking_pace - 1.0)
+        whole_ma = (1.0 - np.exp(-dt_s / self.time_constant_s)) * (copy_ma - arrived_ma)
+        reach_ma = where(self.fall_ma_per_s < UNLIMITED_MA_PER_S, self.fall_ma_per_s * dt_s, math.inf)
+        pace = where(pace * whole_ma > reach_ma, reach_ma / where(whole_ma > 0.0, whole_ma, 1.0), pace)
         copy_ma = copy_ma + (1.0 - np.exp(-dt_s * pace / self.time_constant_s)) * (arrived_ma - copy_ma)
-        return value, (arrived_ma, copy_ma, braking)
+        return value, (first_ma, second_ma, arrived_ma, copy_ma, pace)
 
     def over(
         self, values: Value, past_speeds: np.ndarray, signals: Mapping[str, np.ndarray], dt_s: float
     ) -> tuple[Value, State]:
         """The whole recording, the copy in one narrow loop: the shape is looked for in recordings of 10^5 samples."""
         values = np.array(np.broadcast_to(values, len(past_speeds)), float)
-        arrived, copy = math.nan, math.nan
-        lag, along = 1.0 - math.exp(-dt_s / self.lag_s), -dt_s / self.time_constant_s
+        arrived, copy, first, second = math.nan, math.nan, math.nan, math.nan
+        lag, along = 1.0 - math.exp(-LAGS * dt_s / self.lag_s), -dt_s / self.time_constant_s
         plain, full = 1.0 - math.exp(along), 1.0 - math.exp(along * self.braking_pace)
+        reach = self.fall_ma_per_s * dt_s if self.fall_ma_per_s < UNLIMITED_MA_PER_S else math.inf
         states = []
         for magnitude_ma in np.abs(values).tolist():
-            arrived = arrived + lag * (magnitude_ma - arrived) if arrived == arrived else magnitude_ma
+            first = first + lag * (magnitude_ma - first) if first == first else magnitude_ma
+            second = second + lag * (first - second) if second == second else first
+            arrived = arrived + lag * (second - arrived) if arrived == arrived else second
             copy = copy if copy == copy else arrived
-            falling = (copy - arrived) / BAND_MA
-            if falling <= 0.0:
-                braking, share = 0.0, plain
-            elif falling >= 1.0:
-                braking, share = 1.0, full
+            behind = copy - arrived
+            if behind <= 0.0:
+                pace, share = 1.0, plain
+            elif behind >= BAND_MA:
+                pace, share = self.braking_pace, full
             else:
-                braking = falling * falling * (3.0 - 2.0 * falling)
-                share = 1.0 - math.exp(along * (1.0 + braking * (self.braking_pace - 1.0)))
-            copy += share * (arrived - copy)
-            states.append((arrived, copy, braking))
-        return values, tuple(np.array(states).reshape(-1, 3).T)
+                falling = behind / BAND_MA
+                pace = 1.0 + falling * falling * (3.0 - 2.0 * falling) * (self.braking_pace - 1.0)
+                share = 1.0 - math.exp(along * pace)
+            if pace * plain * behind > reach:
+                pace = reach / (plain * behind)
+                share = 1.0 - math.exp(along * pace)
+            copy -= share * behind
+            states.append((first, second, arrived, copy, pace))
+        return values, tuple(np.array(states).reshape(-1, 5).T)
 
     def pace(self, signals: Signals, state: State) -> Value:
         """More or less than 1 while the drive falls."""
-        return 1.0 + state[2] * (self.braking_pace - 1.0)
+        return state[4]

@@ -1,7 +1,8 @@
 """Power limit: where the demand of the ground exceeds what pump or engine can give, the swash plate is taken back.
 
     P_d = m (p v + g_n c_r |v|) / 1000, or P_d = kappa (dp - p_0) v through a low-pass where the pressure is known
-    g = min(1, P_max / P_d)^e,  rounded off within +-1/8 of P_max
+    g = (1 - c) min(1, P_max / P_d)^e,  rounded off within +-1/8 of P_max
+    dc/dt = k max(L - L_0, 0) - c / tau_c,   c <= 0.8
 
 P_d power in kW that the drive would have to give at the last speed, m mass in kg (15 000 kg where not measured), p pull
 of the slope in m/s2 as in `pull`: what of it is acceleration acts on the pump's pressure only as far as the control is
@@ -27,6 +28,8 @@ from cruise.effects.pull import pull, unknown
 from cruise.signals import OUTPUT, Signals
 
 UNLIMITED_KW: Final = 300.0  # kW: more than the drive line of any combine takes
+NEVER_PCT: Final = 200.0  # %: more than any engine shows
+MOST_CUT: Final = 0.8  # share of the stroke
 CORNER: Final = 0.125  # relative half width of the rounded corner: a fit by differences sees a slope on both sides
 
 
@@ -37,7 +40,7 @@ class PowerLimit(Effect):
     name = "power_limit"
     stage = Stage.GAIN
     needs = ("pitch_deg",)
-    helps = ("machine_mass_kg", "line_pressure_bar", OUTPUT)
+    helps = ("machine_mass_kg", "line_pressure_bar", "engine_load_pct", OUTPUT)
     reads_speed = True
     by_pressure = ("kn_per_bar", "rest_bar")
     parameters: ClassVar = {
@@ -48,17 +51,26 @@ class PowerLimit(Effect):
         "filter_s": Parameter("s", 0.0, 2.0, 0.0, "time constant through which slope or pressure is felt"),
         "kn_per_bar": Parameter("kN/bar", 0.0, 2.0, 0.0, "force that a bar is; 0: it goes by slope and mass alone"),
         "rest_bar": Parameter("bar", -200.0, 400.0, 0.0, "pressure while nothing holds the machine"),
+        "onset_pct": Parameter(
+            "%", 80.0, NEVER_PCT, NEVER_PCT, "engine load from which the stroke is cut; 200 is never"
+        ),
+        "cut_per_pct_s": Parameter(
+            "1/(% s)", 1e-3, 0.5, 0.01, "share of the stroke that is cut per second and percent"
+        ),
+        "release_s": Parameter("s", 0.1, 10.0, 2.0, "time constant with which it comes back"),
     }
     about: ClassVar = About(
         physics="Torque control of the pump, or an electronic limit that keeps the diesel from stalling, takes the "
         "swash plate back as soon as pressure times flow exceeds the power that may be taken. The pressure follows the "
         "force at the wheels: mass times slope and rolling resistance. On level ground and at low speed nothing is "
-        "felt; uphill with a full bin the machine refuses to go faster, whatever the current.",
+        "felt; uphill with a full bin the machine refuses to go faster, whatever the current. Where a controller "
+        "watches the engine's load, it cuts the stroke while the engine is overloaded and gives it back slowly.",
         equation="g = min(1, P_max / P_d)^e,  P_d = m (p v + 9.81 m/s2 c_r |v|),  p = 9.81 m/s2 sin(alpha) - r dv/dt, "
-        "through a low-pass of tau; or P_d = kappa (dp - p_0) v",
+        "through a low-pass of tau; or P_d = kappa (dp - p_0) v; or g = 1 - c,  dc/dt = k max(L - L_0, 0) - c / tau_c",
         source="data sheets of pumps with torque control; Wong 2008, ch. 2; Coen et al. 2005, section V.A, Fig. 6",
         signature="the residual is negative where speed times slope is high, and there only: nothing downhill, nothing "
-        "below a speed that falls as the slope and the mass rise",
+        "below a speed that falls as the slope and the mass rise; where a controller sees to it, it comes with an "
+        "engine load near its end, whatever loads it, and goes within some seconds",
         look_alikes=("grade", "saturation", "engine_speed", "engine_droop", "speed_droop"),
         experiment="up a slope of at least 5 degrees at 0.5, 1, 1.5 and 2 m/s, 15 s each, and down again: grade takes "
         "the same speed away at every current and gives it back downhill, a power limit leaves the slow runs alone",
@@ -71,15 +83,18 @@ class PowerLimit(Effect):
     filter_s: float = 0.0
     kn_per_bar: float = 0.0
     rest_bar: float = 0.0
+    onset_pct: float = NEVER_PCT
+    cut_per_pct_s: float = 0.01
+    release_s: float = 2.0
 
     def start(self, like: Value) -> State:
-        """What `pull` remembers, and the power in kW that the pressure has shown: nothing yet."""
-        return *unknown(like), like * math.nan
+        """What `pull` remembers, the power in kW that the pressure has shown, nothing yet; and what is cut."""
+        return *unknown(like), like * math.nan, like * 0.0
 
     def step(self, value: Value, past_speed: Value, signals: Signals, state: State, dt_s: float) -> tuple[Value, State]:
         """The gain so far, divided by a power of how many times the demand exceeds the limit."""
         limited = self.power_kw < UNLIMITED_KW
-        *pulled, shown_kw = state
+        *pulled, shown_kw, cut = state
         pull_mps2, pulled = pull(signals, tuple(pulled), self.acceleration_share, self.filter_s, dt_s)
         demand_kw = _demand_kw(past_speed, pull_mps2, self.rolling_resistance, signals)
         now_kw = self.kn_per_bar * (signals.get("line_pressure_bar", math.nan) - self.rest_bar) * past_speed
@@ -90,7 +105,11 @@ class PowerLimit(Effect):
         excess = demand_kw * limited / self.power_kw - (1.0 - CORNER)
         rounded = clip(excess, 0.0, 2.0 * CORNER)
         times = 1.0 + rounded * rounded / (4.0 * CORNER) + clip(excess - 2.0 * CORNER, 0.0, math.inf)
-        return value / times**self.stiffness, (*pulled, shown_kw)
+        over_pct = signals.get("engine_load_pct", 0.0) - self.onset_pct
+        over_pct = where(over_pct > 0.0, over_pct, 0.0)  # NaN: not measured
+        released = share(self.release_s, dt_s)
+        cut = clip(cut + released * (self.release_s * self.cut_per_pct_s * over_pct - cut), 0.0, MOST_CUT)
+        return value * (1.0 - cut) / times**self.stiffness, (*pulled, shown_kw, cut)
 
 
 def _demand_kw(speed_mps: Value, pull_mps2: Value, rolling_resistance: Value, signals: Signals) -> Value:

@@ -34,7 +34,7 @@ class RateLimit(Effect):
             "mA/s", 20.0, UNLIMITED_MA_PER_S, UNLIMITED_MA_PER_S, "greatest rate of what acts; 10000 is no limit"
         ),
         "lag_s": Parameter("s", 0.0, 1.0, 0.0, "lag with which it follows within that rate"),
-        "return_share": Parameter("-", 0.2, 5.0, 1.0, "rate back to neutral over that away from it"),
+        "return_share": Parameter("-", 0.5, 5.0, 1.0, "rate back to neutral over that away from it"),
     }
     about: ClassVar = About(
         physics="The servo piston that tilts the swash plate is filled through orifices, which makers choose on "

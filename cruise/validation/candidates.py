@@ -48,6 +48,8 @@ BY_SLOPE: Final[Mapping[str, tuple[str, ...]]] = {
     "crop_load": ("inertia_pct_per_m2ps3",),
 }
 """Shapes that say nothing where the line pressure shows the force."""
+BY_LOAD: Final = ("onset_pct", "cut_per_pct_s", "release_s")
+"""Shapes of an electronic limit, which goes by the engine's load."""
 Shapes = tuple[tuple[str, float], ...]
 UNNAMED: Final = "unnamed:"
 """Before the signal of a dependence without physics, in the names of candidates."""
@@ -194,7 +196,7 @@ def candidate_of(name: str, recordings: Sequence[Recording]) -> Candidate:
     if name == "resonance":
         return ResonanceCandidate()
     credit = min((CONSEQUENCES.get(need, 1.0) for need in EFFECTS[name].needs if need != OUTPUT), default=1.0)
-    begin = _rates(recordings) if name == "rate_limit" else ()
+    begin = BEGIN[name](recordings) if name in BEGIN else ()
     return EffectCandidate(name, credit, told=told_shapes(name, recordings), begin=begin)
 
 
@@ -225,6 +227,37 @@ def _rates(recordings: Sequence[Recording]) -> tuple[Shapes, ...]:
     moves = np.concatenate([np.abs(np.diff(one.input)) / one.dt_s for one in recordings])
     fastest = float(np.nanmax(moves, initial=0.0))
     return tuple((("rate_ma_per_s", min(max(share * fastest, bound.low), bound.high)),) for share in RATES)
+
+
+def _falls(recordings: Sequence[Recording]) -> tuple[Shapes, ...]:
+    """The paces of braking, and as many limits of how fast the drive may fall."""
+    shapes = EFFECTS["active_braking"].parameters
+    paced = [name for name in shapes if name != "fall_ma_per_s"]
+    limits = tuple((("fall_ma_per_s", rate_ma_per_s),) for ((_, rate_ma_per_s),) in _rates(recordings))
+    return *(tuple((name, _on_the_way(shapes[name], share)) for name in paced) for share in SHARES), *limits
+
+
+ONSETS_PCT: Final = (85.0, 92.0, 98.0)  # engine loads from which an electronic limit may cut the stroke,
+CUTS: Final = (0.003, 0.01, 0.03)  # and how fast, per percent and second
+
+
+def _powers(recordings: Sequence[Recording]) -> tuple[Shapes, ...]:
+    """Powers that may be taken, and where the engine's load is recorded, loads from which an electronic limit cuts."""
+    shapes = EFFECTS["power_limit"].parameters
+    by_power = [name for name in shapes if name not in BY_LOAD]
+    powers = tuple(tuple((name, _on_the_way(shapes[name], share)) for name in by_power) for share in SHARES)
+    if not all("engine_load_pct" in one.columns for one in recordings):
+        return powers
+    cuts = tuple((("onset_pct", onset), ("cut_per_pct_s", cut)) for onset in ONSETS_PCT for cut in CUTS)
+    return *powers, *cuts
+
+
+BEGIN: Final[Mapping[str, Callable[[Sequence[Recording]], tuple[Shapes, ...]]]] = {
+    "rate_limit": _rates,
+    "active_braking": _falls,
+    "power_limit": _powers,
+}
+"""Effects of which the recordings say where they would act at all: where their fits start."""
 
 
 def _power(recordings: Sequence[Recording]) -> tuple[Shapes, ...]:

@@ -10,12 +10,11 @@ from cruise.effects import EFFECTS
 from cruise.validation.candidates import MEDIATORS, UNNAMED
 from cruise.validation.foretold import CHANCE, Foretold
 from cruise.validation.search import Judged
-from cruise.validation.selection import FURTHER, LEAST_FURTHER, Selected, least_share
+from cruise.validation.selection import FURTHER, LEAST_FURTHER, LEAST_IN_ALL, Selected, least_share
 from cruise.validation.tried import (
     ALL_OF_IT,
     BEYOND_DOUBT,
     ENOUGH,
-    LEAST_GAIN,
     Step,
     Tried,
     asked,
@@ -131,7 +130,7 @@ def _over(one: Tried, step: Step) -> float:
 def _short(found: Selected) -> list[float]:
     """By how much all that was tried last was short of being one effect more, in evidence or what is worth as much."""
     last = found.steps[-1]
-    enough, least = (FURTHER, LEAST_FURTHER) if found.chosen else (ENOUGH, LEAST_GAIN)
+    enough, least = (FURTHER, LEAST_FURTHER) if found.chosen else (ENOUGH, LEAST_IN_ALL)
     rest = [one for one in last.tried if one.name not in found.chosen and not one.name.startswith(UNNAMED)]
     asks = [FURTHER if found.chosen else asked_alone(one) for one in rest]
     short = [

@@ -39,6 +39,7 @@ from cruise.validation.tried import (
 from cruise.validation.trying import Show, tried_beside
 from cruise.validation.unnamed import SPEED
 
+LEAST_IN_ALL: Final = 0.3  # of the loss: what takes no more in all is the little of everything that a machine has
 FURTHER: Final = 75.0  # evidence from which a further effect is one, as no form of the first is exact,
 LEAST_FURTHER: Final = 0.25  # likewise, of the present loss,
 LEAST_SHARE: Final = 0.04  # and of the loss before the effect that was found last, whose form may be as wrong;
@@ -122,6 +123,8 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
             steps = [*steps[: back.place], back.step]
             there = [one.taken for one in steps if one.taken in back.judged.explanation.names]
             chosen, present = _needed(search, steps[0], list(dict.fromkeys(there)), back.judged)
+    if chosen and _is_little(steps[0], present):
+        steps, chosen, present = [replace(steps[0], taken="")], [], steps[0].before
     if steps[0].unrecorded:
         shows = next(one for one in steps[0].tried if one.name == steps[0].unrecorded)
         return Selected(tuple(steps), (), shows.judged, tuple(refused))
@@ -147,6 +150,11 @@ def _needed(search: Search, first: Step, chosen: list[str], present: Judged) -> 
         if together(first, present, chosen) - together(first, other, held) < SUPERFLUOUS * ENOUGH:
             chosen, present = held, other
     return chosen, present
+
+
+def _is_little(first: Step, last: Judged) -> bool:
+    """Whether all that was found takes no more than the little of everything that a machine has."""
+    return last.loss > (1.0 - LEAST_IN_ALL) * first.before.loss
 
 
 def _first(one: Tried, step: Step) -> bool:

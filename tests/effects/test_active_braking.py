@@ -60,6 +60,22 @@ def test_the_time_constant_down_is_that_up_divided_by_the_pace(pace):
     assert down / up == pytest.approx(1.0 / pace, rel=0.25)
 
 
+def test_a_machine_that_nothing_brakes_slows_down_at_one_rate():
+    fall_ma_per_s, gain_mps_per_ma = 100.0, 1e-3
+    effect = ActiveBraking(1.0, fall_ma_per_s, lag_s=0.05, time_constant_s=DT_S / -math.log(0.96))
+    model = Model(DT_S, 1, 1, 0, (effect,), (0.96, 0.04 * gain_mps_per_ma, 0.0))
+    state = model.advance(model.start(0.8, 800.0, {}), 800.0, 0.8, {})
+    run = np.array(model.predict(state, [200.0] * 300, [{}] * 300))
+    falling = (run < 0.75) & (run > 0.35)  # near the end the rest of the way is shorter than the reach
+    np.testing.assert_allclose(np.diff(run)[falling[1:]] / DT_S, -fall_ma_per_s * gain_mps_per_ma, rtol=0.02)
+    assert run[-1] == pytest.approx(0.2, abs=0.01)
+    up = np.array(model.predict(model.start(0.2, 200.0, {}), [800.0] * 300, [{}] * 300))
+    free = np.array(
+        Model(DT_S, 1, 1, 0, (), model.theta).predict(model.start(0.2, 200.0, {}), [800.0] * 300, [{}] * 300)
+    )
+    np.testing.assert_allclose(up, free)
+
+
 def test_the_controllers_view_keeps_the_present_pace():
     model = Model(DT_S, 1, 1, 0, (ActiveBraking(0.5),), (0.96, 4e-5, 0.0))
     state = model.advance(model.start(0.5, 500.0, {}), 500.0, 0.5, {})

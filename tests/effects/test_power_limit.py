@@ -104,3 +104,20 @@ def test_a_peak_of_the_pressure_is_felt_through_the_lag():
     _, state = effect.step(1.0, 2.0, calm, effect.start(0.0), 0.2)
     felt, _ = effect.step(1.0, 2.0, peak, state, 0.2)
     assert felt == pytest.approx(30.0 / (20.0 + 60.0 * (1.0 - math.exp(-0.4))))
+
+
+def test_a_controller_cuts_the_stroke_while_the_engine_is_overloaded_and_gives_it_back_slowly():
+    effect, dt_s = PowerLimit(onset_pct=90.0, cut_per_pct_s=0.01, release_s=2.0), 0.2
+    state, gains = effect.start(0.0), []
+    for load_pct in [60.0] * 10 + [100.0] * 50 + [60.0] * 10:
+        found, state = effect.step(1.0, 1.0, {"pitch_deg": 0.0, "engine_load_pct": load_pct}, state, dt_s)
+        gains.append(found)
+    assert gains[9] == 1.0
+    assert gains[59] == pytest.approx(1.0 - 2.0 * 0.01 * 10.0, abs=0.002)  # k tau (L - L_0)
+    assert 1.0 - gains[69] == pytest.approx((1.0 - gains[59]) * math.exp(-1.0), rel=1e-6)  # 2 s later
+
+
+@pytest.mark.parametrize("load", [{}, {"engine_load_pct": math.nan}, {"engine_load_pct": 150.0}])
+def test_an_unmeasured_engine_load_cuts_nothing_nor_does_one_that_nobody_minds(load):
+    minded = PowerLimit(onset_pct=90.0) if load.get("engine_load_pct") != 150.0 else PowerLimit()
+    assert stepped(minded, 2.0, {"pitch_deg": 0.0} | load) == 1.0

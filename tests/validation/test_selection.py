@@ -3,6 +3,7 @@
 from copy import copy
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from cruise.effects import EFFECTS
@@ -157,6 +158,18 @@ def test_a_further_friction_must_be_beyond_doubt_where_soil_may_pass_for_it(dead
         assert not further(name, 0.9 * BEYOND_DOUBT)
         assert further(name, 0.9 * BEYOND_DOUBT, 1.1 * MUCH), "no soil takes so much"
     assert further("grade", 0.9 * BEYOND_DOUBT)
+
+
+def test_effects_that_take_little_in_all_are_the_little_of_everything_that_a_machine_has(dead_zone, monkeypatch):
+    first = dead_zone.steps[0]
+    for share, little in ((0.9, True), (1.1, False)):
+        left = replace(first.before, raw=(1.0 - share * selection.LEAST_IN_ALL) * first.before.raw)
+        assert selection._is_little(first, left) is little
+    monkeypatch.setattr(selection, "LEAST_IN_ALL", 1.0)
+    found = selection.selected(dead_zone.study, np.random.default_rng(0), lambda text: None)
+    assert found.chosen == ()
+    assert [one.taken for one in found.steps] == [""]
+    assert found.final is found.steps[0].before
 
 
 def test_what_a_far_larger_effect_hid_is_a_further_one_but_no_dynamics(dead_zone):

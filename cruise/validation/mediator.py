@@ -114,7 +114,7 @@ def _one_by_one(study: Study, present: Judged, mediator: Judged, direct: Judged,
     if instead > (NAMELESS if nameless else DIRECT):
         return Through.RECORDED, 0.0
     signal = direct.candidate.removeprefix(UNNAMED)
-    if nameless and instead > DIRECT and _unknown(signal):  # the curve's form may be wrong
+    if nameless and instead > DIRECT and unknown(signal):  # the curve's form may be wrong
         least, most = ALONE
         if told(present.fit.error_mps, signal) >= max(least, most * told(present.fit.error_mps)):
             return Through.RECORDED, 0.0
@@ -133,7 +133,7 @@ def _has_a_signal_of_its_own(name: str) -> bool:
     return name in EFFECTS and EFFECTS[name].stage is Stage.LOAD and name not in (*RESISTANCE, *MEDIATORS)
 
 
-def _unknown(signal: str) -> bool:
+def unknown(signal: str) -> bool:
     """Whether it is a recorded signal of which no effect of the table knows."""
     return signal not in (INPUT, SPEED) and not any(signal in effect.needs for effect in EFFECTS.values())
 

@@ -10,7 +10,7 @@ from cruise.effects import EFFECTS, Stage
 from cruise.signals import INPUT, OUTPUT
 from cruise.validation.background import DYNAMICS, STRUCTURAL
 from cruise.validation.candidates import MEDIATORS, UNNAMED, Refused, candidates, unnamed, without
-from cruise.validation.mediator import MEDIATED, one_for_all
+from cruise.validation.mediator import MEDIATED, one_for_all, unknown
 from cruise.validation.search import Judged, Search, gain, sureness
 from cruise.validation.study import Study
 from cruise.validation.tried import (
@@ -56,6 +56,8 @@ LESS: Final = 0.7  # of what they leave in all, with as much evidence; clearly l
 ABOUT: Final = 0.1  # which is as much while it differs by no more than this share
 CLEARLY: Final = 0.6  # of what the best effect leaves where every force is known: all that a curve may leave there
 SAME_SIGNAL: Final = 0.85  # of what a curve takes away: an effect of the same signal that takes as much is the curve
+WITNESS: Final = "wheel_speed_mps"  # shows all that happens between wheel and ground, whatever the cause:
+WITNESSED: Final = 0.85  # of the evidence for what reads it, from which a cause that leaves no more is the cause
 MOST_OF_IT: Final = 0.5  # of what effects leave above the noise, that a curve must take to show them as substitutes
 SUPERFLUOUS: Final = 0.5  # of ENOUGH: what an effect must still bring beside the others
 HOPEFUL: Final = (10.0, 2)  # evidence from which an effect that is not enough may be one of two, and how many may
@@ -234,9 +236,11 @@ def _curve(first: Step, chosen: float, left: float) -> tuple[Tried | None, float
     if best is None or not enough(best) or best.judged.loss >= left:
         return None, 0.0
     direct = [one.compared.loss for one in named if one.name not in MEDIATORS and one.sureness >= SURE]
-    most = CLEARLY if first.forces is not None else 1.0 / LOOSE if best.credit == 1.0 else MEDIATED
+    mine = best.name.removeprefix(UNNAMED)
+    witnessed = unknown(mine) and _witnessed(named, best)
+    most = 1.0 if witnessed else 1.0 / LOOSE if best.credit == 1.0 else MEDIATED
     if first.forces is not None:  # soil, too
-        left = min(direct, default=left)
+        most, left = CLEARLY, min(direct, default=left)
     if best.compared.loss >= min([most * left, *direct]):
         return None, 0.0
     effects = max([chosen, *(one.counted for one in named if one.gain >= LEAST_GAIN)])
@@ -245,12 +249,21 @@ def _curve(first: Step, chosen: float, left: float) -> tuple[Tried | None, float
     less = 1.0 / LOOSE if best.counted >= (1.0 + ABOUT) * effects else LESS
     if effects <= (1.0 + ABOUT) * best.counted and best.compared.loss < less * left and left > noise:
         margin = max(margin, ENOUGH * (1.0 - max(best.compared.loss - noise, 0.0) / (FAR * (left - noise))))
+    if witnessed and best.counted >= WITNESSED * effects:
+        margin = max(margin, ENOUGH * (best.counted / effects - WITNESSED) / (1.0 - WITNESSED))
     if margin <= 0.0:
         return None, 0.0
-    mine = best.name.removeprefix(UNNAMED)
     same = [one for one in named if _of_the_same(one.name, mine) and enough(one)]
     taken = [(first.before.loss - one.judged.loss) / (first.before.loss - best.judged.loss) for one in same]
     return (None, 0.0) if max(taken, default=0.0) >= SAME_SIGNAL else (best, margin)
+
+
+def _witnessed(named: Sequence[Tried], curve: Tried) -> bool:
+    """Whether all effects that could stand in the curve's place read the witness, and leave no less."""
+    rivals = [one for one in named if one.counted >= WITNESSED * curve.counted and one.gain >= LEAST_GAIN]
+    return bool(rivals) and all(
+        WITNESS in EFFECTS[one.name].needs and one.compared.loss >= curve.compared.loss for one in rivals
+    )
 
 
 def _of_the_same(name: str, signal: str) -> bool:

@@ -72,6 +72,24 @@ def test_a_curve_that_leaves_more_than_the_effects_together_has_no_word_where_ev
     assert selection._curve(seeing, 0.0, 0.99 * curve.judged.loss) == (None, 0.0)
 
 
+def test_a_cause_that_no_effect_knows_has_the_word_before_the_witness_of_all_that_happens_at_the_wheel(unlisted):
+    first = unlisted.steps[0]
+    curve, rival = first.tried[0], next(one for one in first.tried if not one.name.startswith(UNNAMED))
+    loss = curve.judged.loss
+
+    def word(name: str = "sensor_bias", times: float = 1.1, left: float = 1.01, curve: Tried = curve) -> Tried | None:
+        beside = replace(rival, name=name, evidence=times * curve.evidence, gain=curve.gain, sureness=SURE, credit=1.0)
+        beside = replace(beside, compared=replace(curve.judged, raw=left * curve.judged.raw))
+        return selection._curve(replace(first, tried=(curve, beside)), 0.0, 1.05 * loss)[0]
+
+    assert word() is curve
+    assert word("wheel_slip") is curve
+    assert word("grade") is None, "that is a cause itself"
+    assert word(left=0.99) is None, "the witness knows more"
+    assert word(times=1.2) is None, "there is much more evidence for it"
+    assert word(curve=replace(curve, name=f"{UNNAMED}oil_temperature_c")) is None, "the table has an effect of it"
+
+
 def test_a_curve_that_explains_less_needs_evidence_that_no_soil_has(unlisted):
     least, evidence, sure = selection.PLAINLY_CURVED
     first = unlisted.steps[0]

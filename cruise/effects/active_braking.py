@@ -66,6 +66,11 @@ class ActiveBraking(Effect):
     lag_s: float = 0.4
     time_constant_s: float = 0.5
 
+    @property
+    def idle(self) -> frozenset[str]:
+        """The greatest fall where there is none."""
+        return frozenset({"fall_ma_per_s"} if self.fall_ma_per_s >= UNLIMITED_MA_PER_S else ())
+
     def start(self, like: Value) -> State:
         """The three lags and the vehicle's copy, in mA, unknown before the first sample; the pace."""
         return like * math.nan, like * math.nan, like * math.nan, like * math.nan, like * 0.0 + 1.0

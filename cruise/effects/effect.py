@@ -106,6 +106,11 @@ class Effect(ABC):
         """The signals that it reads where they are measured."""
         return (*self.needs, *self.helps)
 
+    @property
+    def idle(self) -> frozenset[str]:
+        """Names of shapes that change nothing while others are neutral: no fit has to look for them."""
+        return frozenset()
+
     def reshaped(self, **shape: Value) -> Self:
         """The same effect with other shape parameters."""
         mine = {name: getattr(self, name) for name in self.parameters}

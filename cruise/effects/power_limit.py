@@ -87,6 +87,13 @@ class PowerLimit(Effect):
     cut_per_pct_s: float = 0.01
     release_s: float = 2.0
 
+    @property
+    def idle(self) -> frozenset[str]:
+        """The shapes of the power where it is not limited, and of the cut where no engine load brings one."""
+        by_load = frozenset({"onset_pct", "cut_per_pct_s", "release_s"})
+        without_power = frozenset(self.parameters) - by_load if self.power_kw >= UNLIMITED_KW else frozenset()
+        return without_power | (by_load if self.onset_pct >= NEVER_PCT else frozenset())
+
     def start(self, like: Value) -> State:
         """What `pull` remembers, the power in kW that the pressure has shown, nothing yet; and what is cut."""
         return *unknown(like), like * math.nan, like * 0.0

@@ -30,6 +30,8 @@ from cruise.validation.unnamed import (
 
 SHARES: Final = (0.03, 0.08, 0.18, 0.35, 0.55, 0.8, 0.93)  # of the way from a shape's neutral value to its far bound
 RATES: Final = (0.85, 0.5, 0.3, 0.18, 0.11, 0.065, 0.04)  # of the fastest change of the current
+ONSETS_PCT: Final = (85.0, 92.0, 98.0)  # engine loads from which an electronic limit may cut the stroke,
+CUTS: Final = (0.003, 0.01, 0.03)  # and how fast, per percent and second
 HELD: Final = 0.7  # share of the current that a hysteresis holds back where fits start: it is wide or it is whole
 WIDE: Final = 5.0  # ratio of the bounds from which that way is walked in ratios
 CHAIN: Final = tuple(EFFECTS)  # order in which the current meets the effects: that of the table
@@ -48,9 +50,8 @@ BY_SLOPE: Final[Mapping[str, tuple[str, ...]]] = {
     "crop_load": ("inertia_pct_per_m2ps3",),
 }
 """Shapes that say nothing where the line pressure shows the force."""
-BY_LOAD: Final = ("onset_pct", "cut_per_pct_s", "release_s")
-"""Shapes of an electronic limit, which goes by the engine's load."""
 Shapes = tuple[tuple[str, float], ...]
+Starts = tuple[Shapes, ...]
 UNNAMED: Final = "unnamed:"
 """Before the signal of a dependence without physics, in the names of candidates."""
 
@@ -89,7 +90,7 @@ class EffectCandidate:
     credit: float = 1.0
     given: Effect | None = None  # where a fit of it has been before
     told: tuple[Shapes, ...] = ((),)  # by the signals themselves, in one way or another: whichever errs less
-    begin: tuple[Shapes, ...] = ()  # where fits start, if the recordings say where the effect would act at all
+    begin: tuple[Starts, ...] = ()  # where fits start in each way, if recordings say where the effect would act at all
 
     def grown(self, explanation: Explanation) -> Iterator[Explanation]:
         """One start for each of a few strengths and every way in which shapes are told, or where it has been before."""
@@ -111,9 +112,16 @@ class EffectCandidate:
         shares = SHARES if shapes and self.name != "gear_ratio" else SHARES[:1]
         walked = [tuple((name, _on_the_way(bound, share)) for name, bound in shapes.items()) for share in shares]
         for told in self.told:
-            for begun in self.begin or walked:
+            for begun in (one for way in self.begin or (walked,) for one in way):
                 shape = dict(begun) | known | dict(told)
                 yield with_effect(explanation, kind() if self.name == "gear_ratio" else kind(**shape))
+
+
+def ways_of(candidate: Candidate) -> tuple[Candidate, ...]:
+    """The ways in which it may act, each with its own starts: what promises most to first order may be of the wrong."""
+    if isinstance(candidate, EffectCandidate) and len(candidate.begin) > 1:
+        return tuple(replace(candidate, begin=(way,)) for way in candidate.begin)
+    return (candidate,)
 
 
 @dataclass(frozen=True)
@@ -221,38 +229,35 @@ def _grade(recordings: Sequence[Recording]) -> tuple[Shapes]:
     return ((share,) if weighed else (share, ("mass_share", 0.0)),)
 
 
-def _rates(recordings: Sequence[Recording]) -> tuple[Shapes, ...]:
+def _rates(recordings: Sequence[Recording]) -> tuple[Starts]:
     """Rates of the current that limit less and less of its changes: a limit above all of them leaves no trace."""
     bound = EFFECTS["rate_limit"].parameters["rate_ma_per_s"]
     moves = np.concatenate([np.abs(np.diff(one.input)) / one.dt_s for one in recordings])
     fastest = float(np.nanmax(moves, initial=0.0))
-    return tuple((("rate_ma_per_s", min(max(share * fastest, bound.low), bound.high)),) for share in RATES)
+    return (tuple((("rate_ma_per_s", min(max(share * fastest, bound.low), bound.high)),) for share in RATES),)
 
 
-def _falls(recordings: Sequence[Recording]) -> tuple[Shapes, ...]:
-    """The paces of braking, and as many limits of how fast the drive may fall."""
-    shapes = EFFECTS["active_braking"].parameters
-    paced = [name for name in shapes if name != "fall_ma_per_s"]
-    limits = tuple((("fall_ma_per_s", rate_ma_per_s),) for ((_, rate_ma_per_s),) in _rates(recordings))
-    return *(tuple((name, _on_the_way(shapes[name], share)) for name in paced) for share in SHARES), *limits
+def _falls(recordings: Sequence[Recording]) -> tuple[Starts, Starts]:
+    """The paces of braking, and limits of how fast the drive may fall."""
+    (rates,) = _rates(recordings)
+    return _walked("active_braking", "fall_ma_per_s"), tuple((("fall_ma_per_s", rate),) for ((_, rate),) in rates)
 
 
-ONSETS_PCT: Final = (85.0, 92.0, 98.0)  # engine loads from which an electronic limit may cut the stroke,
-CUTS: Final = (0.003, 0.01, 0.03)  # and how fast, per percent and second
-
-
-def _powers(recordings: Sequence[Recording]) -> tuple[Shapes, ...]:
+def _powers(recordings: Sequence[Recording]) -> tuple[Starts, ...]:
     """Powers that may be taken, and where the engine's load is recorded, loads from which an electronic limit cuts."""
-    shapes = EFFECTS["power_limit"].parameters
-    by_power = [name for name in shapes if name not in BY_LOAD]
-    powers = tuple(tuple((name, _on_the_way(shapes[name], share)) for name in by_power) for share in SHARES)
+    powers = _walked("power_limit", "onset_pct", "cut_per_pct_s", "release_s")
     if not all("engine_load_pct" in one.columns for one in recordings):
-        return powers
-    cuts = tuple((("onset_pct", onset), ("cut_per_pct_s", cut)) for onset in ONSETS_PCT for cut in CUTS)
-    return *powers, *cuts
+        return (powers,)
+    return powers, tuple((("onset_pct", onset), ("cut_per_pct_s", cut)) for onset in ONSETS_PCT for cut in CUTS)
 
 
-BEGIN: Final[Mapping[str, Callable[[Sequence[Recording]], tuple[Shapes, ...]]]] = {
+def _walked(name: str, *neutral: str) -> Starts:
+    """Shapes on their way from neutral values to their far bounds, but for those that stay neutral."""
+    shapes = {shape: bound for shape, bound in EFFECTS[name].parameters.items() if shape not in neutral}
+    return tuple(tuple((shape, _on_the_way(bound, share)) for shape, bound in shapes.items()) for share in SHARES)
+
+
+BEGIN: Final[Mapping[str, Callable[[Sequence[Recording]], tuple[Starts, ...]]]] = {
     "rate_limit": _rates,
     "active_braking": _falls,
     "power_limit": _powers,

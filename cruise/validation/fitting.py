@@ -91,7 +91,7 @@ class Layout:
 
 
 def layout(start: Explanation, longest_delay_s: float, gain_scale: float, free: Callable[[str], bool]) -> Layout:
-    """All numbers of `start` that are free: the core's, the offset, every load, the shapes that `free` lets go."""
+    """All numbers of `start` that are free: core, offset, every load, shapes that are not idle and `free` lets go."""
     slots = [Slot("core", "gain_mps_per_ma", -FAR * gain_scale, FAR * gain_scale, gain_scale)]
     for name in ("delay_s", "lag_s", "second_lag_s", "time_constant_s"):
         bound = CORE[name]
@@ -107,7 +107,7 @@ def layout(start: Explanation, longest_delay_s: float, gain_scale: float, free: 
         if effect.acts_as is Stage.LOAD:
             slots.append(Slot(effect.name, "load", -FAR if effect.either_sign else 0.0, FAR, 0.1))
         for name, bound in effect.parameters.items():
-            if free(f"{effect.name}.{name}"):
+            if name not in effect.idle and free(f"{effect.name}.{name}"):
                 slots.append(Slot(effect.name, name, bound.low, bound.high, 0.2 * (bound.high - bound.low)))
     return Layout(start, tuple(slots))
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from cruise.effects import Stage
 from cruise.model import prediction
-from cruise.validation.candidates import Candidate, EffectCandidate, kinds_of, without
+from cruise.validation.candidates import Candidate, EffectCandidate, kinds_of, ways_of, without
 from cruise.validation.disturbance import Disturbance, disturbance_of
 from cruise.validation.explanation import CORE, START, Explanation
 from cruise.validation.fitting import Fit, Layout, Objective, as_it_is, bounded, fit, layout
@@ -100,7 +100,11 @@ class Search:
         return self.finished(self.begun(explanation, candidate))
 
     def begun(self, explanation: Explanation, candidate: Candidate) -> Fit:
-        """A few steps from the starts that promise most; from further ones only while nothing is gained."""
+        """A few steps from the starts that promise most, in every way in which the candidate may act."""
+        return min((self._begun(explanation, one) for one in ways_of(candidate)), key=lambda fit: fit.cost)
+
+    def _begun(self, explanation: Explanation, candidate: Candidate) -> Fit:
+        """The same in one way; from further starts only while nothing is gained."""
         starts = self._starts_beside(explanation)
         options = starts.promising(list(candidate.grown(explanation)))
         fits: list[Fit] = []
@@ -120,7 +124,7 @@ class Search:
         What promises most to first order may lead to a corner that is rounded instead of one further on.
         """
         starts = self._starts_beside(explanation)
-        options = starts.promising(list(candidate.grown(explanation)))
+        options = [one for way in ways_of(candidate) for one in starts.promising(list(way.grown(explanation)))]
         fits = [self.fitted(starts.nearest(one.start), ONE_STEP) for one in options]
         best = sorted(fits, key=lambda one: one.cost)[:MOST_STARTS]
         fits = [self.fitted(one.explanation, QUICK_STEPS) for one in best]

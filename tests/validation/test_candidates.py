@@ -12,6 +12,7 @@ from cruise.effects.engine_speed import EngineSpeed
 from cruise.effects.grade import Grade
 from cruise.effects.hysteresis import Hysteresis
 from cruise.effects.leakage import Leakage
+from cruise.effects.power_limit import NEVER_PCT, UNLIMITED_KW, PowerLimit
 from cruise.effects.rate_limit import RateLimit
 from cruise.effects.saturation import Saturation
 from cruise.model.core import Core
@@ -30,6 +31,7 @@ from cruise.validation.candidates import (
     candidates,
     owner,
     unnamed,
+    ways_of,
     why_not,
     with_effect,
     without,
@@ -212,6 +214,33 @@ def test_a_rate_limit_takes_the_servos_lag_over():
         assert isinstance(effect, RateLimit)
         assert effect.lag_s == BARE.core.lag_s
         assert start.core.lag_s == CORE["lag_s"].low
+
+
+def test_a_power_limit_may_go_by_the_power_or_by_the_engines_load_each_with_its_own_starts():
+    pitch, load = wander(SAMPLES, 0.2, 3, 20.0, 3.0), 60.0 + wander(SAMPLES, 0.2, 4, 20.0, 20.0)
+    by_power, by_load = ways_of(candidate_of("power_limit", [recorded(pitch_deg=pitch, engine_load_pct=load)]))
+    for one in (start.effects[0] for start in by_power.grown(BARE)):
+        assert isinstance(one, PowerLimit)
+        assert one.power_kw < UNLIMITED_KW
+        assert one.onset_pct == NEVER_PCT
+        assert one.idle == {"onset_pct", "cut_per_pct_s", "release_s"}
+    for one in (start.effects[0] for start in by_load.grown(BARE)):
+        assert isinstance(one, PowerLimit)
+        assert one.power_kw == UNLIMITED_KW
+        assert one.onset_pct < 100.0
+        assert {"power_kw", "stiffness", "filter_s"} <= one.idle
+        assert "onset_pct" not in one.idle
+    (alone,) = ways_of(candidate_of("power_limit", [recorded(pitch_deg=pitch)]))
+    assert list(alone.grown(BARE)) == list(by_power.grown(BARE))
+
+
+def test_a_machine_may_brake_at_another_pace_or_no_faster_than_at_a_rate():
+    candidate = candidate_of("active_braking", [recorded()])
+    paced, falling = (list(way.grown(BARE)) for way in ways_of(candidate))
+    assert all("fall_ma_per_s" in one.effects[0].idle for one in paced)
+    assert all("fall_ma_per_s" not in one.effects[0].idle for one in falling)
+    assert len({one.effects[0] for one in falling}) == len(falling) == len(RATES)
+    assert [*paced, *falling] == list(candidate.grown(BARE))
 
 
 def test_a_rate_limit_starts_where_it_limits_something():

@@ -9,6 +9,7 @@ from cruise.effects.coulomb_friction import CoulombFriction
 from cruise.effects.dead_zone import DeadZone
 from cruise.effects.grade import Grade
 from cruise.effects.hysteresis import Hysteresis
+from cruise.effects.power_limit import PowerLimit
 from cruise.effects.quadratic_gain import QuadraticGain
 from cruise.effects.saturation import Saturation
 from cruise.model import prediction
@@ -263,6 +264,16 @@ def test_a_layout_and_its_vector_are_one_explanation():
     assert bounds["grade", "load"] == (0.0, FAR)
     assert bounds["core", "delay_s"] == (0.0, 1.0)
     assert all(slot.scale > 0.0 and slot.low < slot.high for slot in plan.slots)
+
+
+def test_no_fit_looks_for_shapes_that_change_nothing():
+    def free(effect: PowerLimit) -> set[str]:
+        plan = layout(Explanation(TRUE, (effect,)), 1.0, GAIN, lambda name: True)
+        return {slot.name for slot in plan.slots if slot.owner == effect.name}
+
+    assert free(PowerLimit(power_kw=40.0)) == set(PowerLimit.parameters) - {"onset_pct", "cut_per_pct_s", "release_s"}
+    assert free(PowerLimit(onset_pct=90.0)) == {"onset_pct", "cut_per_pct_s", "release_s"}
+    assert free(PowerLimit(power_kw=40.0, onset_pct=90.0)) == set(PowerLimit.parameters)
 
 
 def test_the_derivatives_are_those_of_the_errors():

@@ -9,7 +9,9 @@ of the slope in m/s2 as in `pull`: what of it is acceleration acts on the pump's
 as quick, so share and low-pass are found from the data; v speed one sample ago in m/s, g_n = 9.81 m/s2, c_r rolling
 resistance (0.02 on concrete to 0.12 on soft soil, found from the data), P_max in kW. dp line pressure in bar, which
 shows soil and whatever else holds the machine, p_0 in bar where nothing does, kappa in kN per bar: 0 leaves the
-pressure alone.
+pressure alone. An electronic limit, which keeps the engine from stalling, cuts a share c of the stroke while the engine
+is overloaded, whatever loads it, and gives it back slowly: L engine load in percent, L_0 load from which it cuts (200
+is never reached), k share per second and percent, tau_c in s.
 As v is itself the limited speed, the loop through the machine settles between the speed v_0 without the limit and
 P_max / F, F the force: at v_0^(1 / (1 + e)) (P_max / F)^(e / (1 + e)); the greater the stiffness e, the nearer to a
 wall.
@@ -35,7 +37,7 @@ CORNER: Final = 0.125  # relative half width of the rounded corner: a fit by dif
 
 @dataclass(frozen=True, slots=True)
 class PowerLimit(Effect):
-    """g = min(1, power_kw / P_d)^stiffness with the corner rounded off; 300 kW is no limit."""
+    """g = (1 - c) min(1, power_kw / P_d)^stiffness with the corner rounded off; 300 kW and 200 % are no limits."""
 
     name = "power_limit"
     stage = Stage.GAIN

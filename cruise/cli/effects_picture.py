@@ -97,9 +97,9 @@ def panels_of(subject: Effect) -> list[Panel]:
 
 
 def inputs_of(subject: Effect) -> tuple[str, ...]:
-    """What a gain or a load depends on: the signals by name, and SPEED; not the pressure, which replaces others."""
+    """What a gain or a load depends on: the signals by name, and SPEED; not those that may tell it in their place."""
     signals = ((SPEED,) if subject.reads_speed else ()) + subject.needs + subject.helps
-    return tuple(name for name in signals if not (subject.by_pressure and name == "line_pressure_bar"))
+    return tuple(name for name in signals if name not in subject.told_by)
 
 
 def curves(subject: Effect) -> list[Curve]:
@@ -116,7 +116,7 @@ def curves(subject: Effect) -> list[Curve]:
         for share, style in styles.items()
     ]
     unlike = {name: bound for name, bound in subject.parameters.items() if name not in _alike(subject)}
-    others = [(name, bound) for name, bound in unlike.items() if name not in subject.by_pressure][1:]
+    others = [(name, bound) for name, bound in unlike.items() if name not in subject.instead][1:]
     for (name, bound), style in zip(others, HELD_BACK, strict=False):
         other = _moved(bound, 1.0 if _ascends(bound) else -1.0) if name == subject.kind else bound.neutral
         effect = drawn[2].effect.reshaped(**{name: other})
@@ -138,7 +138,7 @@ def shape(subject: Effect, share: float) -> dict[str, float]:
     """
     alike = _alike(subject)
     sides = {name: share if _ascends(bound) else -share for name, bound in subject.parameters.items()}
-    sides |= dict.fromkeys((*subject.by_pressure, subject.kind), 0.0)
+    sides |= dict.fromkeys((*subject.instead, subject.kind), 0.0)
     sides |= dict(zip(alike, np.linspace(-share, share, len(alike)).tolist(), strict=True))
     return {name: _moved(bound, sides[name]) for name, bound in subject.parameters.items()}
 
@@ -162,7 +162,7 @@ def _label(effect: Effect, share: float) -> str:
     told = [
         f"{name} = {getattr(effect, name):.4g}{'' if bound.unit == '-' else f' {bound.unit}'}"
         for name, bound in effect.parameters.items()
-        if name not in effect.by_pressure
+        if name not in effect.instead
     ]
     return ", ".join(told) + ("" if share else " (neutral)")
 

@@ -34,6 +34,7 @@ class ActiveBraking(Effect):
     name = "active_braking"
     stage = Stage.DYNAMICS
     needs = ()
+    instead = ("fall_ma_per_s",)
     parameters: ClassVar = {
         "braking_pace": Parameter(
             "-", 0.2, 4.0, 1.0, "pace while the drive falls; below 1 the machine coasts, above it brakes harder"

@@ -92,7 +92,8 @@ class Effect(ABC):
     either_sign: ClassVar[bool] = False  # of a load: whether it may also push; most only take speed
     brakes_hold: ClassVar[bool] = False  # of a load: whether it is none while the brakes hold a machine that stands
     parameters: ClassVar[Mapping[str, Parameter]]
-    by_pressure: ClassVar[tuple[str, ...]] = ()  # parameters that say what the line pressure means; neutral: nothing
+    instead: ClassVar[tuple[str, ...]] = ()  # parameters of another way in which it may act; neutral: nothing,
+    told_by: ClassVar[tuple[str, ...]] = ()  # and the signals that those go by
     kind: ClassVar[str] = ""  # parameter that says which of two kinds it is: at one end of its bounds or at the other
     about: ClassVar[About]
     acts_as: ClassVar[Stage]  # the stage at whose place in the equation it stands: its own, unless it names another

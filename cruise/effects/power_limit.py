@@ -44,7 +44,8 @@ class PowerLimit(Effect):
     needs = ("pitch_deg",)
     helps = ("machine_mass_kg", "line_pressure_bar", "engine_load_pct", OUTPUT)
     reads_speed = True
-    by_pressure = ("kn_per_bar", "rest_bar")
+    instead = ("kn_per_bar", "rest_bar", "onset_pct", "cut_per_pct_s", "release_s")
+    told_by = ("line_pressure_bar", "engine_load_pct")
     parameters: ClassVar = {
         "power_kw": Parameter("kW", 5.0, UNLIMITED_KW, UNLIMITED_KW, "power that the drive may take; 300 is no limit"),
         "stiffness": Parameter("-", 0.2, 4.0, 1.0, "how hard it holds: the gain falls with this power of the excess"),

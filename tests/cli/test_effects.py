@@ -160,7 +160,7 @@ def test_every_picture_shows_what_each_further_parameter_does(name):
     if name == "gear_ratio":  # several of one kind: spread out, not held back one by one
         assert not held_back
         return
-    drawn = [key for key in ALL[name].parameters if key not in ALL[name].by_pressure]
+    drawn = [key for key in ALL[name].parameters if key not in ALL[name].instead]
     assert len(held_back) == len(drawn) - 1
     for one, key in zip(held_back, drawn[1:], strict=True):
         other = ALL[name].parameters[key].high if key == ALL[name].kind else getattr(neutral.effect, key)

@@ -29,7 +29,10 @@ BAND_MA: Final = 20.0  # mA of falling drive at which all of it is braking; abov
 
 @dataclass(frozen=True, slots=True)
 class ActiveBraking(Effect):
-    """alpha = 1 + w (braking_pace - 1); w goes from 0, rising or steady, to 1 where the drive falls."""
+    """alpha = 1 + w (braking_pace - 1); w goes from 0, rising or steady, to 1 where the drive falls.
+
+    It is less where the drive would fall by more than fall_ma_per_s, in mA/s.
+    """
 
     name = "active_braking"
     stage = Stage.DYNAMICS

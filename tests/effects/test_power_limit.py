@@ -117,7 +117,12 @@ def test_a_controller_cuts_the_stroke_while_the_engine_is_overloaded_and_gives_i
     assert 1.0 - gains[69] == pytest.approx((1.0 - gains[59]) * math.exp(-1.0), rel=1e-6)  # 2 s later
 
 
-@pytest.mark.parametrize("load", [{}, {"engine_load_pct": math.nan}, {"engine_load_pct": 150.0}])
-def test_an_unmeasured_engine_load_cuts_nothing_nor_does_one_that_nobody_minds(load):
-    minded = PowerLimit(onset_pct=90.0) if load.get("engine_load_pct") != 150.0 else PowerLimit()
-    assert stepped(minded, 2.0, {"pitch_deg": 0.0} | load) == 1.0
+@pytest.mark.parametrize("load", [{}, {"engine_load_pct": math.nan}, {"engine_load_pct": 89.0}])
+def test_an_engine_load_that_is_not_measured_or_not_near_its_end_cuts_nothing(load):
+    assert stepped(PowerLimit(onset_pct=90.0), 2.0, {"pitch_deg": 0.0} | load) == 1.0
+
+
+def test_without_an_onset_no_engine_load_cuts_anything():
+    overloaded = {"pitch_deg": 0.0, "engine_load_pct": 150.0}
+    assert stepped(PowerLimit(), 2.0, overloaded) == 1.0
+    assert stepped(PowerLimit(onset_pct=90.0), 2.0, overloaded) < 1.0

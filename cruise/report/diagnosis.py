@@ -49,6 +49,11 @@ def sentence(found: Diagnosis) -> str:
                 what = "that nobody recorded"
                 if not math.isnan(found.swing_s):
                     great, what = f"swings with a period of {found.swing_s:.1f} s", f"{what} and that swings"
+                elif found.dead_time is not None:
+                    early_s, late_s = found.dead_time.early_s, found.dead_time.late_s
+                    great = f"is by {100 * found.dead_time.share:.0f} % of its square a drive that answers now earlier"
+                    great = f"{great} ({early_s:+.2f} s) and now later ({late_s:+.2f} s) than the model"
+                    what = f"{what} and that changes the dead time"
                 elif found.momentary:
                     there = in_moments(found.final.fit.error_mps, found.study.period_s)
                     great = f"stands by {100 * there:.0f} % of its square in {100 * FEWEST:.0f} % of the time"

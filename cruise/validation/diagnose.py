@@ -4,7 +4,8 @@ Every candidate is fitted jointly with the core and judged on held-out blocks, a
 far the error falls, against every other candidate, the curves without physics among them. Consequences of the drive
 (engine load, line pressure) must explain more than a cause does to be believed. In the end a catch-all tells "nothing"
 from "unlisted": much of an error that the recorded signals foretell, and all known effects don't, has a cause; so has
-an error far above the noise that nothing foretells, or one that swings at a pace of its own.
+an error far above the noise that nothing foretells, one that swings at a pace of its own, or one that comes of a dead
+time that changes.
 """
 
 import math
@@ -26,6 +27,7 @@ from cruise.validation.confidence import (
     margin_of_the_end,
     untold,
 )
+from cruise.validation.dead_time import DeadTime, dead_time
 from cruise.validation.exchange import exchanged
 from cruise.validation.foretold import Foretold, foretold
 from cruise.validation.search import Judged
@@ -44,6 +46,10 @@ AGAIN: Final = (
     "record what else could act there"
 )
 SWINGS: Final = "look for what turns or swings once in {period_s:.1f} s, on the machine or behind it, and record that"
+LATE: Final = (
+    "record when every command is sent and when the current follows it, and what could keep it or the valve waiting, "
+    "such as the load of the bus"
+)
 TWO: Final = 2  # effects between which an ambiguous verdict asks for an experiment, though more may look alike
 FARTHEST: Final = -50.0  # exponent of the share of doubt that falls on a candidate
 
@@ -84,6 +90,7 @@ class Diagnosis:
     final: Judged  # with the effects that were chosen, an unnamed dependence too
     hidden: Foretold  # what the catch-all still finds beside them
     swing_s: float  # period of what swings where nothing else is found; or NaN
+    dead_time: DeadTime | None  # how it changes, where nothing else is found
     beside: str  # signal on which much of what the effects leave depends, in a way that none describes; or empty
     refused: tuple[Refused, ...]
     study: Study
@@ -108,7 +115,13 @@ class Diagnosis:
     def momentary(self) -> bool:
         """Whether nothing recorded shows what is missing, and it acts in few moments only."""
         there = in_moments(self.final.fit.error_mps, self.study.period_s)
-        return self.untold and not self.steps[0].taken and there > MOST_THERE and math.isnan(self.swing_s)
+        return (
+            self.untold
+            and not self.steps[0].taken
+            and there > MOST_THERE
+            and math.isnan(self.swing_s)
+            and self.dead_time is None
+        )
 
 
 def diagnose(study: Study, show: Show = lambda text: None) -> Diagnosis:
@@ -122,8 +135,10 @@ def diagnose(study: Study, show: Show = lambda text: None) -> Diagnosis:
     over = excess(hidden, base, final)
     silent = not (found.curved or found.unrecorded or over > 1.0)
     heard = silent and not named
-    swings = swing(final.fit.error_mps, study.search.scene.current_ma, study.period_s) if heard else Swing()
-    alone = max(untold(found, hidden.drift, study.period_s), swings.much) if silent else 0.0
+    scene, error_mps = study.search.scene, final.fit.error_mps
+    swings = swing(error_mps, scene.current_ma, study.period_s) if heard else Swing()
+    late = dead_time(error_mps, scene.speed_mps - error_mps, scene.parts, study.period_s) if heard else DeadTime()
+    alone = max(untold(found, hidden.drift, study.period_s), swings.much, late.much) if silent else 0.0
     unlisted = found.curved or found.unrecorded or max(over, alone) > 1.0
     places = () if unlisted else tuple(exchanged(study, name, found, rng, show) for name in named)
     alike = tuple((one.name, *one.alike) for one in places if one.alike)
@@ -145,6 +160,7 @@ def diagnose(study: Study, show: Show = lambda text: None) -> Diagnosis:
             signals, final = () if alone > 1.0 else hidden.signals, base
             words = _vary(signals) if signals else RECORD_MORE
             words = SWINGS.format(period_s=swings.period_s) if swings.much > 1.0 else words
+            words = LATE if late.much > 1.0 else words
     elif not named:
         verdict = Verdict.NOTHING
     elif len(named) == 1 and alike:
@@ -167,6 +183,7 @@ def diagnose(study: Study, show: Show = lambda text: None) -> Diagnosis:
         final=final,
         hidden=hidden,
         swing_s=swings.period_s if swings.much > 1.0 else math.nan,
+        dead_time=late if late.much > 1.0 else None,
         beside=found.beside if effects else "",
         refused=found.refused,
         study=study,

@@ -366,9 +366,25 @@ def test_something_that_swings_at_a_pace_of_its_own_is_said_with_its_period():
     assert f"swings with a period of {one.swing_s:.1f} s" in sentence(one)
 
 
+def test_a_dead_time_that_changes_is_said_with_how_early_and_how_late_the_answer_comes():
+    def waiting(current_ma: np.ndarray) -> np.ndarray:
+        later = DT_S * np.arange(SAMPLES) % 50.0 < 25.0
+        return np.where(later, np.concatenate([current_ma[:4], current_ma[:-4]]), current_ma)
+
+    one = found(command=waiting)
+    assert (one.verdict, one.effects, one.signals) == (Verdict.UNLISTED, (), ())
+    assert one.dead_time is not None
+    assert one.dead_time.late_s - one.dead_time.early_s == pytest.approx(0.4, abs=0.15)
+    assert not one.momentary
+    assert "when every command is sent" in one.next_experiment
+    assert "changes the dead time" in sentence(one)
+    assert f"later ({one.dead_time.late_s:+.2f} s)" in sentence(one)
+
+
 def test_soil_that_nobody_recorded_is_no_effect():
     one = found(load_mps=wander(SAMPLES, DT_S, 13, 0.03, 4.0))
     assert one.verdict is Verdict.NOTHING
     assert not one.untold
     assert not one.momentary
     assert np.isnan(one.swing_s)
+    assert one.dead_time is None

@@ -93,6 +93,15 @@ def _climb() -> Course:
     )
 
 
+def _pressed() -> Course:
+    """The same pressure at one speed, and faster."""
+    time_s = _over(10.0)
+    speed_mps = np.interp(time_s, [5.0, 7.0], [1.0, 3.0])
+    pressure_bar = np.where(time_s >= 1.0, 150.0, 0.0)
+    signals = {OUTPUT: speed_mps, "line_pressure_bar": pressure_bar}
+    return Course("150 bar from 1 s on, faster by 1 m/s2 from 5 to 7 s", speed_mps, signals, (OUTPUT,))
+
+
 def _threshing() -> Course:
     """The threshing unit engaged and disengaged again, at one current."""
     time_s = _over(12.0)
@@ -108,5 +117,6 @@ COURSES: Final = {
     "sensor_bias": _bias(),
     "wheel_slip": _slip(),
     "grade": _hill(),
+    "leakage": _pressed(),
     "power_limit": _climb(),
 }

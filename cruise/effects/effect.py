@@ -94,6 +94,7 @@ class Effect(ABC):
     parameters: ClassVar[Mapping[str, Parameter]]
     instead: ClassVar[tuple[str, ...]] = ()  # parameters of another way in which it may act; neutral: nothing,
     told_by: ClassVar[tuple[str, ...]] = ()  # and the signals that those go by
+    spare: ClassVar[str] = ""  # parameter that is looked for only where the effect errs far less with it
     kind: ClassVar[str] = ""  # parameter that says which of two kinds it is: at one end of its bounds or at the other
     about: ClassVar[About]
     acts_as: ClassVar[Stage]  # the stage at whose place in the equation it stands: its own, unless it names another
@@ -109,8 +110,9 @@ class Effect(ABC):
 
     @property
     def idle(self) -> frozenset[str]:
-        """Names of shapes that change nothing while others are neutral: no fit has to look for them."""
-        return frozenset()
+        """Names of shapes that no fit looks for: they change nothing while others are neutral, or are spare, and so."""
+        spared = self.spare and getattr(self, self.spare) == self.parameters[self.spare].neutral
+        return frozenset({self.spare}) if spared else frozenset()
 
     def reshaped(self, **shape: Value) -> Self:
         """The same effect with other shape parameters."""

@@ -1,10 +1,10 @@
 """Grade: on a slope, a part of the machine's weight pulls along the ground.
 
-    phi = -p (1 + s (m / m_0 - 1)),   p = slope less r times the acceleration, through a low-pass of tau
+    phi = -p (1 + s (m / m_0 - 1)) (1 + q (|v| / v_0 - 1))
 
-p in m/s2 as in `pull`: r share of the acceleration that the pitch sensor takes for slope; m mass in kg (m_0 where it
-is not measured), m_0 = 15000 kg, s share of the mass. Source: equations 2 and 9 and Table VI of Coen et al. 2005:
-F_G = m g sin(alpha).
+p slope less r times the acceleration, in m/s2 through a low-pass of tau as in `pull`, r what of it the pitch sensor
+takes for slope; m mass in kg (m_0 where it is not measured), m_0 = 15000 kg, s share of the mass; the last factor as in
+`stroke`, v through the same low-pass. Source: equations 2 and 9 and Table VI of Coen et al. 2005: F_G = m g sin(alpha).
 """
 
 from collections.abc import Mapping
@@ -16,42 +16,48 @@ import numpy as np
 from cruise.effects.effect import EMPTY_KG, GRAVITY_MPS2, About, Effect, Parameter, Stage, State, Value, where
 from cruise.effects.low_pass import followed_over
 from cruise.effects.pull import pull, unknown
+from cruise.effects.stroke import STROKE_SHARE, factor
 from cruise.signals import OUTPUT, Signals
 
 
 @dataclass(frozen=True, slots=True)
 class Grade(Effect):
-    """phi = -(slope less what of it is acceleration) (1 + mass_share (m / 15000 kg - 1)), in m/s2."""
+    """phi = -pull (1 + mass_share (m / 15000 kg - 1)) (1 + stroke_share (|v| / 1.5 m/s - 1)), in m/s2."""
 
     name = "grade"
     stage = Stage.LOAD
     needs = ("pitch_deg",)
     helps = ("machine_mass_kg", OUTPUT)
     brakes_hold = True
+    spare = "stroke_share"
     parameters: ClassVar = {
         "mass_share": Parameter("-", 0.0, 1.0, 0.0, "how far the loss grows with the mass; 1 is in proportion"),
         "acceleration_share": Parameter("-", 0.0, 1.0, 0.0, "how far the sensor takes acceleration for slope"),
         "filter_s": Parameter("s", 0.0, 4.0, 0.0, "time constant through which the slope is seen"),
+        "stroke_share": STROKE_SHARE,
     }
     about: ClassVar = About(
         physics="Uphill, the component of the weight along the slope pulls the machine back; downhill it pushes. The "
         "hydrostat answers the force with pressure, and pressure costs speed through leakage and the engine's droop: "
-        "the softer the drive, the more of the force shows in the speed, and the more of the mass with it. A pitch "
+        "the softer the drive, the more of the force shows in the speed, and the more of the mass with it. Where the "
+        "pressure pushes the swash plate back, more is lost at a great stroke than at a small one. A pitch "
         "sensor reads acceleration as slope (1 m/s2 looks like 5.8 degrees), so that a part of every start and stop "
         "is in the pitch too: slope that lasts is evidence, pitch during a change of speed is not.",
-        equation="phi = -(9.81 m/s2 sin(alpha) - r dv/dt) (1 + s (m / 15000 kg - 1)), through a low-pass of tau",
+        equation="phi = -(9.81 m/s2 sin(alpha) - r dv/dt) (1 + s (m / 15000 kg - 1)) (1 + q (|v| / 1.5 m/s - 1)), "
+        "through a low-pass of tau",
         source="Coen et al. 2005, equations 2 and 9, Table VI (90 % of the DC gain at +3.3 deg)",
         signature="the residual follows -sin(pitch) slowly, at any speed and current, and changes sign with the "
         "direction of the slope",
         look_alikes=("sensor_bias", "crop_load", "leakage", "rolling_resistance"),
         experiment="constant current over a hill of at least 3 degrees, up and back down the same way at the same "
         "speed, each for 20 s or more: grade changes its sign, every other load keeps it; again with a full bin for "
-        "the share of the mass",
+        "the share of the mass, and at twice the speed for that of the stroke",
     )
 
     mass_share: float = 0.0
     acceleration_share: float = 0.0
     filter_s: float = 0.0
+    stroke_share: float = 0.0
 
     def start(self, like: Value) -> State:
         """What `pull` remembers: nothing yet."""
@@ -61,8 +67,13 @@ class Grade(Effect):
         """The pull of the slope, for the present mass."""
         mass_kg = signals.get("machine_mass_kg", EMPTY_KG)
         mass_kg = where(mass_kg == mass_kg, mass_kg, EMPTY_KG)  # NaN: not measured
+        _, before_mps, _ = state
         pull_mps2, state = pull(signals, state, self.acceleration_share, self.filter_s, dt_s)
-        return -pull_mps2 * (1.0 + self.mass_share * (mass_kg / EMPTY_KG - 1.0)), state
+        return self._load(pull_mps2, mass_kg, before_mps), state
+
+    def _load(self, pull_mps2: Value, mass_kg: Value, speed_mps: Value) -> Value:
+        """phi in m/s2."""
+        return -pull_mps2 * (1.0 + self.mass_share * (mass_kg / EMPTY_KG - 1.0)) * factor(self.stroke_share, speed_mps)
 
     def over(
         self, values: Value, past_speeds: np.ndarray, signals: Mapping[str, np.ndarray], dt_s: float
@@ -79,5 +90,5 @@ class Grade(Effect):
         mass_kg = np.where(np.isfinite(mass_kg), mass_kg, EMPTY_KG)
         before_mps2 = np.concatenate([[0.0], accel_mps2[:-1]])
         pull_mps2 = slope_mps2 - self.acceleration_share * before_mps2
-        phi = -pull_mps2 * (1.0 + self.mass_share * (mass_kg / EMPTY_KG - 1.0))
+        phi = self._load(pull_mps2, mass_kg, np.concatenate([[np.nan], followed_mps[:-1]]))
         return phi, (slope_mps2, followed_mps, accel_mps2)

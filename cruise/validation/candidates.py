@@ -110,7 +110,7 @@ class EffectCandidate:
         else:
             known = {}
         shares = SHARES if shapes and self.name != "gear_ratio" else SHARES[:1]
-        walked = [tuple((name, _on_the_way(bound, share)) for name, bound in shapes.items()) for share in shares]
+        walked = [_walked(self.name, share, kind.spare) for share in shares]
         for told in self.told:
             for begun in (one for way in self.begin or (walked,) for one in way):
                 shape = dict(begun) | known | dict(told)
@@ -240,21 +240,22 @@ def _rates(recordings: Sequence[Recording]) -> tuple[Starts]:
 def _falls(recordings: Sequence[Recording]) -> tuple[Starts, Starts]:
     """The paces of braking, and limits of how fast the drive may fall."""
     (rates,) = _rates(recordings)
-    return _walked("active_braking", "fall_ma_per_s"), tuple((("fall_ma_per_s", rate),) for ((_, rate),) in rates)
+    paces = tuple(_walked("active_braking", share, "fall_ma_per_s") for share in SHARES)
+    return paces, tuple((("fall_ma_per_s", rate),) for ((_, rate),) in rates)
 
 
 def _powers(recordings: Sequence[Recording]) -> tuple[Starts, ...]:
     """Powers that may be taken, and where the engine's load is recorded, loads from which an electronic limit cuts."""
-    powers = _walked("power_limit", "onset_pct", "cut_per_pct_s", "release_s")
+    powers = tuple(_walked("power_limit", share, "onset_pct", "cut_per_pct_s", "release_s") for share in SHARES)
     if not all("engine_load_pct" in one.columns for one in recordings):
         return (powers,)
     return powers, tuple((("onset_pct", onset), ("cut_per_pct_s", cut)) for onset in ONSETS_PCT for cut in CUTS)
 
 
-def _walked(name: str, *neutral: str) -> Starts:
-    """Shapes on their way from neutral values to their far bounds, but for those that stay neutral."""
-    shapes = {shape: bound for shape, bound in EFFECTS[name].parameters.items() if shape not in neutral}
-    return tuple(tuple((shape, _on_the_way(bound, share)) for shape, bound in shapes.items()) for share in SHARES)
+def _walked(name: str, share: float, *neutral: str) -> Shapes:
+    """Shapes so far on their way from neutral values to their far bounds, but for those that stay neutral."""
+    shapes = EFFECTS[name].parameters.items()
+    return tuple((shape, _on_the_way(bound, share)) for shape, bound in shapes if shape not in neutral)
 
 
 BEGIN: Final[Mapping[str, Callable[[Sequence[Recording]], tuple[Starts, ...]]]] = {

@@ -127,6 +127,12 @@ class Fit:
         return self.layout.explanation(self.vector)
 
     @cached_property
+    def mean_square(self) -> float:
+        """Of the error, not whitened, in m2/s2."""
+        judged = self.error_mps[~np.isnan(self.error_mps)]
+        return float(np.mean(bounded(judged) ** 2)) if len(judged) else 0.0
+
+    @cached_property
     def room(self) -> np.ndarray:
         """How far every number (p,) is from its nearest bound."""
         low, high = self.layout.bounds

@@ -101,7 +101,8 @@ def add(study: Study, effect: str | Custom, show: Show = lambda text: None) -> A
     else:
         known = candidate(effect, study.recordings)
     show(f"fitting with {name}")
-    after = search.served(search.judged(name, search.settled(search.grown(base.explanation, known))))
+    grown = search.freed(search.grown(base.explanation, known), name)
+    after = search.served(search.judged(name, search.settled(grown)))
     terms = [one for one in after.explanation.effects if isinstance(one, Custom)]
     undefined = [one.name for one in terms if not defined(one, study.recordings)]
     if undefined:

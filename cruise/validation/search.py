@@ -21,6 +21,7 @@ from cruise.validation.disturbance import Disturbance, disturbance_of
 from cruise.validation.explanation import CORE, START, Explanation
 from cruise.validation.fitting import Fit, Layout, Objective, as_it_is, bounded, fit, layout
 from cruise.validation.simulation import RAN_AWAY_MPS, Scene
+from cruise.validation.slip import slip_mps
 from cruise.validation.starts import NEARLY, Starts, apart
 
 FOLDS: Final = 5
@@ -40,6 +41,9 @@ SERVO_LAGS_S: Final = (0.05, 0.03)  # likewise, of the lags beside it
 SERVO_GAIN: Final = 0.03  # of the held-out loss, that the pair must take away,
 SERVO_SURE: Final = 2.0  # and by so many standard errors
 SERVO_SEED: Final = 0  # of the bootstrap that says so
+SPARE_BEGINS: Final = 0.5  # of a spare shape's range, where its fit begins,
+SPARED: Final = 0.6  # of the cost, from which an effect is better off with it (0.31 and 0.50; else 0.65 or more),
+SLIPS: Final = 0.5  # of what it takes, that slip may be at most: a share of the speed is what slip is, too
 AT_BOUND: Final = 0.02  # of a bound, by which a number that wants beyond it is away from it
 
 Show = Callable[[str], None]
@@ -81,6 +85,7 @@ class Search:
         self.disturbance = Disturbance((), self.starts)
         self.blocks = _blocks(scene)
         self.fixed = fixed  # shapes that nothing in the recordings moves
+        self.slip_mps = slip_mps(scene.recordings)
         self._starts: Starts | None = None
 
     # -- fits
@@ -151,6 +156,25 @@ class Search:
             return present
         sure = sureness(present, judged, np.random.default_rng(SERVO_SEED)) >= SERVO_SURE
         return judged if sure and gain(present, judged) >= SERVO_GAIN else present
+
+    def freed(self, found: Fit, name: str) -> Fit:
+        """The fit with the spare shape of an effect, where it errs far less with it, and by more than wheels slip."""
+        effect = next((one for one in found.explanation.effects if one.name == name and one.spare in one.idle), None)
+        if effect is None:
+            return found
+        bound = effect.parameters[effect.spare]
+        begun = effect.reshaped(**{effect.spare: bound.low + SPARE_BEGINS * (bound.high - bound.low)})
+        effects = tuple(begun if one is effect else one for one in found.explanation.effects)
+        free = self.fitted(replace(found.explanation, effects=effects))
+        taken = found.mean_square - free.mean_square
+        return free if free.cost < SPARED * found.cost and self.slip_mps**2 < SLIPS * taken else found
+
+    def all_freed(self, present: Judged) -> Judged:
+        """The same with the spare shapes of all its effects that are better off with them."""
+        fit = present.fit
+        for effect in present.explanation.effects:
+            fit = self.freed(fit, effect.name)
+        return present if fit is present.fit else self.judged(present.candidate, fit)
 
     def _starts_beside(self, explanation: Explanation) -> Starts:
         if self._starts is None or self._starts.explanation != explanation:

@@ -94,7 +94,7 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
     together, or as much and it leaves far less of the error, never where they or any other leave less; or where it
     takes as much of what they leave as a further effect would have to, and they are superfluous beside it.
     """
-    search, present = study.search, study.base
+    search, present = study.search, study.search.all_freed(study.base)
     steps: list[Step] = []
     chosen: list[str] = []
     refused: list[Refused] = []

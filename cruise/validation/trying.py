@@ -21,12 +21,12 @@ from cruise.validation.fitting import Fit
 from cruise.validation.mediator import SHOWN, SILENT, Said, Through, behind, may_be_needed, needed, refuted, weighed
 from cruise.validation.search import AT_BOUND, Judged, Search, gain, sureness
 from cruise.validation.side_by_side import side_by_side
-from cruise.validation.slip import slip_mps
 from cruise.validation.slope import PITCH
 from cruise.validation.study import Study
 from cruise.validation.tried import LEAST_GAIN, LOOSE, RESISTANCE, Step, Tried, counted, held_out
 
 OF_THE_SLOPE: Final = 0.3  # of what a grade takes away, that a curve of the slope must take, too: one took 0.8 or more
+FREED: Final = 0.3  # of the cost, that an effect must take away for its spare shape to be tried
 MOVED: Final = 0.03  # of the cost, by which a better core makes all be tried anew from it
 PLAIN: Final = 0.5  # of what the best cause leaves: with less, a consequence of the drive is a cause all the same
 HOLDING: Final = ("crop_load",)  # holds the machine back as dry friction does, by the mean of its signal alone:
@@ -87,7 +87,7 @@ def tried_beside(
         {candidate.name: one for candidate, one in zip(everyone, fits, strict=True)},
         search.disturbance,
         [name for name in named if name not in MEDIATORS],
-        (slip_mps(study.recordings), frozenset({"wheel_slip", "sensor_bias"})),
+        (search.slip_mps, frozenset({"wheel_slip", "sensor_bias"})),
     )
     credit = {one.name: one.credit for one in everyone}
     held = min((one.loss for one in judged if one.candidate in RESISTANCE), default=present.loss)
@@ -248,7 +248,17 @@ def _fitted(
     again = partial(_from_elsewhere, search, present)
     for i, one in zip(best, side_by_side(again, [(everyone[i], fits[i]) for i in best]), strict=True):
         fits[i] = min(fits[i], one, key=lambda one: one.cost)
+    better = [i for i in effects if fits[i].cost < (1.0 - FREED) * present.fit.cost]
+    for i, one in zip(
+        better, side_by_side(partial(_freed, search), [(everyone[i], fits[i]) for i in better]), strict=True
+    ):
+        fits[i] = one
     return fits
+
+
+def _freed(search: Search, found: tuple[Candidate, Fit]) -> Fit:
+    candidate, fit = found
+    return search.freed(fit, candidate.name)
 
 
 def _from_elsewhere(search: Search, present: Judged, begun: tuple[Candidate, Fit]) -> Fit:

@@ -35,6 +35,14 @@ def test_a_mass_that_is_not_measured_is_that_of_the_empty_machine():
     np.testing.assert_allclose(both, [phi(Grade(), pitch_deg=3.0), 2 * phi(Grade(), pitch_deg=3.0)])
 
 
+@pytest.mark.parametrize(("share", "speed_mps", "factor"), [(0.0, 3.0, 1.0), (0.5, 3.0, 1.5), (1.0, 0.75, 0.5)])
+def test_a_pump_that_gives_up_stroke_loses_more_at_a_great_one(share, speed_mps, factor):
+    effect, signals = Grade(stroke_share=share), {"pitch_deg": 3.0, "ground_speed_mps": speed_mps}
+    unknown, state = effect.step(0.0, 9.0, signals, effect.start(0.0), 0.2)
+    assert unknown == phi(Grade(), pitch_deg=3.0)  # no speed has been measured yet
+    assert effect.step(0.0, 9.0, signals, state, 0.2)[0] == pytest.approx(factor * unknown)
+
+
 @pytest.mark.parametrize(("share", "left"), [(1.0, 0.0), (0.0, 0.8)])
 def test_on_level_ground_a_pitch_that_is_all_acceleration_is_no_slope(share, left):
     effect, accel_mps2, dt_s = Grade(acceleration_share=share, filter_s=1.0), 0.8, 0.2

@@ -7,6 +7,7 @@ import pytest
 
 from cruise.effects.coulomb_friction import CoulombFriction
 from cruise.effects.dead_zone import DeadZone
+from cruise.effects.grade import Grade
 from cruise.model import prediction
 from cruise.model.core import Core
 from cruise.recording import Recording
@@ -14,7 +15,7 @@ from cruise.signals import OUTPUT
 from cruise.validation.candidates import EffectCandidate, UnnamedCandidate, with_effect
 from cruise.validation.disturbance import Disturbance
 from cruise.validation.explanation import Explanation
-from cruise.validation.fitting import Objective, fit
+from cruise.validation.fitting import Fit, Objective, fit
 from cruise.validation.search import BLOCK_S, FOLDS, SETTLED, Judged, Search, gain, sureness
 from cruise.validation.simulation import Scene
 from tests.validation.driving import GAIN, OFFSET_MPS, drive, wander
@@ -251,3 +252,56 @@ def test_an_effect_that_stands_in_the_wrong_valley_begins_anew():
     stuck = search.fitted(with_effect(START, DeadZone(24.0, 4.5)))
     assert search.settled(stuck).cost > 0.9 * stuck.cost
     assert search.regrown(stuck).cost < 0.5 * stuck.cost
+
+
+# -- shapes that are looked for only where they are worth it
+
+
+PITCH_DEG = wander(1200, 0.2, 21, 3.0, 6.0)
+LOSS_MPS = 3.0 * np.sin(np.radians(PITCH_DEG))
+LEVEL_MPS = drive(240.0, 1, 0.2, 0.0).output  # as it would drive without any slope
+
+
+def graded(load_mps: np.ndarray) -> tuple[Search, Fit]:
+    """A drive that loses so much by its slope, or by something else, and the fit of a grade in it."""
+    search = search_of(drive(240.0, 1, 0.2, 0.03, columns={"pitch_deg": PITCH_DEG}, load_mps=load_mps))
+    search.fixed = frozenset({"grade.acceleration_share", "grade.mass_share"})
+    return search, search.grown(search.fitted(START).explanation, EffectCandidate("grade"))
+
+
+@pytest.mark.parametrize(
+    ("load_mps", "freed"),
+    [
+        (-LOSS_MPS, False),  # leakage: the same at any stroke
+        (-LOSS_MPS * LEVEL_MPS / 1.5, True),  # a pump that gives up a share of its stroke
+        (wander(1200, 0.2, 22, 0.3, 6.0), False),  # no slope at all
+    ],
+)
+def test_a_loss_that_grows_with_the_stroke_is_looked_for_where_it_errs_far_less(load_mps, freed):
+    search, plain = graded(load_mps)
+    assert "stroke_share" in plain.explanation.effects[0].idle
+    other = search.freed(plain, "grade")
+    (effect,) = other.explanation.effects
+    assert isinstance(effect, Grade)
+    assert (effect.stroke_share > 0.7) is freed
+    assert (other is plain) is not freed
+    assert search.freed(other, "grade") is other
+    assert search.freed(plain, "coulomb_friction") is plain
+
+
+def test_what_wheels_slip_is_no_loss_of_the_stroke():
+    """A share of the speed is what slip is, too: it can be no more than wheel and ground speed show."""
+    search, plain = graded(-LOSS_MPS * LEVEL_MPS / 1.5)
+    search.slip_mps = 0.1
+    assert search.freed(plain, "grade") is plain
+    search.slip_mps = 0.01
+    assert search.freed(plain, "grade") is not plain
+
+
+def test_a_model_is_freed_in_all_that_it_has():
+    search, plain = graded(-LOSS_MPS * LEVEL_MPS / 1.5)
+    bare, judged = (search.judged("", one) for one in (search.fitted(START), plain))
+    assert search.all_freed(bare) is bare
+    freed = search.all_freed(judged)
+    assert freed.loss < 0.7 * judged.loss
+    assert search.all_freed(freed) is freed

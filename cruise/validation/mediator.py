@@ -6,8 +6,9 @@ The effect through whose signal every force acts (`MEDIATORS`) explains them all
 itself what is missing. So it is no cause to be named lightly, but beside it everybody's force is known: soil that no
 signal shows is no longer noise, and a dead zone is no longer taken for dry friction. What still takes much away there
 is needed whatever the forces are, and is weighed there. Where nothing does, whatever is missing is a force, and what
-acts on the command, the gain or a sensor is refuted. On a machine whose forces don't show in that signal nothing of
-this holds, and nothing is lost: there every force is still needed beside it.
+acts on the command, the gain or a sensor is refuted. Where no slope is recorded, every ground has a force that nothing
+foretells: then the effect is named all the same, for what the force costs is what the model lacks. On a machine whose
+forces don't show in that signal nothing of this holds, and nothing is lost: there every force is still needed beside it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,6 +23,7 @@ from cruise.signals import INPUT
 from cruise.validation.candidates import MEDIATORS, UNNAMED, EffectCandidate, candidates, without
 from cruise.validation.foretold import share_told
 from cruise.validation.search import Judged, Search
+from cruise.validation.slope import PITCH
 from cruise.validation.study import Study
 from cruise.validation.tried import LEAST_GAIN, LOOSE, RESISTANCE, SURE, Step, Tried, counted, enough
 from cruise.validation.unnamed import SPEED
@@ -104,12 +106,14 @@ def _one_by_one(study: Study, present: Judged, mediator: Judged, direct: Judged,
         part_mps = error_mps - mediator.fit.error_mps
         return share_told(study.search.scene, present.fit, part_mps, study.search.blocks, by)
 
+    level = not all(PITCH in one.columns for one in study.recordings)  # or so it may seem: any slope is unrecorded
+    untold = Through.ITSELF if level else Through.UNRECORDED
     instead = (present.loss - direct.loss) / taken
     margin = max(1.0 - left / MEDIATED, 1.0 - instead / LONELY if first else 0.0)
     if left > MEDIATED and margin > 0.0 and told(present.fit.error_mps) >= TOLD:
         return Through.ITSELF, margin
     if left > MEDIATED:
-        return (Through.UNRECORDED, margin) if margin > 0.0 and left <= UNSEEN else (Through.RECORDED, 0.0)
+        return (untold, margin) if margin > 0.0 and left <= UNSEEN else (Through.RECORDED, 0.0)
     nameless = first and direct.candidate.startswith(UNNAMED)
     if instead > (NAMELESS if nameless else DIRECT):
         return Through.RECORDED, 0.0
@@ -123,7 +127,7 @@ def _one_by_one(study: Study, present: Judged, mediator: Judged, direct: Judged,
         return Through.ITSELF, margin
     by_force = instead if _has_a_signal_of_its_own(direct.candidate) else 0.0
     recorded = by_force >= TOLD or told(present.fit.error_mps) >= TOLD
-    return (Through.ITSELF if recorded else Through.UNRECORDED), margin
+    return (Through.ITSELF if recorded else untold), margin
 
 
 def _has_a_signal_of_its_own(name: str) -> bool:

@@ -229,8 +229,11 @@ def test_beside_what_was_found_the_catch_all_finds_little(grade, dead_zone, noth
 MASS_KG = 15000.0 + wander(SAMPLES, DT_S, 14, 2500.0, 6.0)
 
 
-def pressed(pressure_bar: np.ndarray, load_mps: np.ndarray, mass_kg: np.ndarray | None = None, **hidden) -> Diagnosis:
-    columns = {"pitch_deg": PITCH, "header_height_mm": HEADER, "line_pressure_bar": pressure_bar}
+def pressed(
+    pressure_bar: np.ndarray, load_mps: np.ndarray, mass_kg: np.ndarray | None = None, pitched: bool = True, **hidden
+) -> Diagnosis:
+    columns = {"header_height_mm": HEADER, "line_pressure_bar": pressure_bar}
+    columns |= {"pitch_deg": PITCH} if pitched else {}
     columns |= {} if mass_kg is None else {"machine_mass_kg": mass_kg}
     one = drive(SECONDS, 4, DT_S, 0.02, columns=columns, load_mps=load_mps, **hidden)
     return diagnose(study([one], STRUCTURE, None, PERIOD_S))
@@ -288,6 +291,14 @@ def test_a_force_that_nobody_recorded_shows_in_the_pressure_and_is_no_leakage():
     assert one.explained
     assert one.final.loss < 0.1 * one.base.loss
     assert "a force that nobody recorded. It shows in `line_pressure_bar`" in sentence(one)
+
+
+def test_where_no_slope_is_recorded_what_the_pressure_costs_is_leakage():
+    """Any ground has slopes: that nothing foretells the force is no news of it."""
+    slope_mps = -0.05 * PITCH
+    one = pressed(120.0 - 300.0 * slope_mps, slope_mps, pitched=False)
+    assert not one.unrecorded
+    assert (one.verdict, one.effects) == (Verdict.MISSING, ("leakage",))
 
 
 def test_what_the_pressure_costs_whoever_moves_it_is_leakage():

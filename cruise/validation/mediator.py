@@ -8,7 +8,7 @@ signal shows is no longer noise, and a dead zone is no longer taken for dry fric
 is needed whatever the forces are, and is weighed there. Where nothing does, whatever is missing is a force, and what
 acts on the command, the gain or a sensor is refuted. Where no slope is recorded, every ground has a force that nothing
 foretells: then the effect is named all the same, for what the force costs is what the model lacks. On a machine whose
-forces don't show in that signal nothing of this holds, and nothing is lost: there every force is still needed beside it.
+forces don't show in that signal nothing of this holds, and nothing is lost: every force is still needed beside it.
 """
 
 from collections.abc import Mapping, Sequence

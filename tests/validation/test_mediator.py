@@ -25,14 +25,15 @@ from cruise.validation.search import Judged
 from cruise.validation.study import Study, study
 from cruise.validation.tried import Tried
 from cruise.validation.unnamed import SPEED
-from tests.validation.driving import drive
+from tests.validation.driving import drive, wander
 
 CURVE = {"name": f"{UNNAMED}header_height_mm"}  # of a signal of which no effect of the table knows
 
 
 @pytest.fixture(scope="module")
 def begun() -> Study:
-    return study([drive(80.0, 4, 0.1, 0.02)], parse("arx:na=1,nb=3,delay_s=0.4"), None, 0.2)
+    drives = [drive(80.0, 4, 0.1, 0.02, columns={"pitch_deg": wander(800, 0.1, 1, 2.0, 5.0)})]
+    return study(drives, parse("arx:na=1,nb=3,delay_s=0.4"), None, 0.2)
 
 
 def said(begun: Study, left: float, instead: float, told: float, monkeypatch, **how) -> tuple[Through, float]:
@@ -88,6 +89,17 @@ def test_what_it_takes_away_tells_what_stands_behind_it(begun, left, instead, to
     found, margin = said(begun, left, instead, told, monkeypatch, **how)
     assert found is through
     assert (margin > 0.0) is (through is not Through.RECORDED)
+
+
+def test_where_no_slope_is_recorded_a_force_that_nothing_foretells_is_no_news(begun, monkeypatch):
+    flat = [
+        replace(one, columns={k: v for k, v in one.columns.items() if k != "pitch_deg"}) for one in begun.recordings
+    ]
+    level = replace(begun, recordings=tuple(flat))
+    for left in (0.1, UNSEEN - 0.05):
+        assert said(begun, left, 0.1, TOLD - 0.05, monkeypatch)[0] is Through.UNRECORDED
+        assert said(level, left, 0.1, TOLD - 0.05, monkeypatch)[0] is Through.ITSELF
+    assert said(level, UNSEEN + 0.05, 0.1, TOLD - 0.05, monkeypatch)[0] is Through.RECORDED, "soil has as much"
 
 
 def test_it_is_the_surer_the_farther_it_is_from_a_limit(begun, monkeypatch):

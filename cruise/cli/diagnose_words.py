@@ -255,7 +255,7 @@ def _commands(
     if found.verdict is Verdict.AMBIGUOUS:
         return [f"cruise diagnose {files} NEW.csv --model {shlex.quote(model)}{tail}"]
     lines, base = [], shlex.quote(model)
-    for i, name in enumerate(found.effects):
+    for i, name in enumerate(found.worth_adding):
         out = "better.yaml" if i == 0 else f"better_{i + 1}.yaml"
         lines.append(f"cruise add {name} --model {base} {files}{tail} -o {out}")
         base = out

@@ -11,6 +11,7 @@ from cruise.report import evidence
 from cruise.report.evidence import SURE, Number
 from cruise.validation.candidates import MEDIATORS, UNNAMED
 from cruise.validation.confidence import FEWEST, in_moments
+from cruise.validation.dead_time import DeadTime
 from cruise.validation.diagnose import SEED, Diagnosis, Verdict
 from cruise.validation.search import Judged, sureness
 from cruise.validation.tried import LEAST_GAIN, LOOSE, Tried, step_of, tried_in
@@ -28,6 +29,8 @@ def sentence(found: Diagnosis) -> str:
         case Verdict.MISSING:
             names, one = _all(found.effects), len(found.effects) == 1
             after = _error(found.final)
+            if found.dead_time is not None:
+                return _changing(found, found.dead_time, sure)
             return (
                 f"{names} {'is' if one else 'are'} missing: with {'it' if one else 'them'} the error {horizon} falls "
                 f"from {before} to {after} m/s on data that the fit has not seen {sure}.{_beside(found)}"
@@ -49,11 +52,6 @@ def sentence(found: Diagnosis) -> str:
                 what = "that nobody recorded"
                 if not math.isnan(found.swing_s):
                     great, what = f"swings with a period of {found.swing_s:.1f} s", f"{what} and that swings"
-                elif found.dead_time is not None:
-                    early_s, late_s = found.dead_time.early_s, found.dead_time.late_s
-                    great = f"is by {100 * found.dead_time.share:.0f} % of its square a drive that answers now earlier"
-                    great = f"{great} ({early_s:+.2f} s) and now later ({late_s:+.2f} s) than the model"
-                    what = f"{what} and that changes the dead time"
                 elif found.momentary:
                     there = in_moments(found.final.fit.error_mps, found.study.period_s)
                     great = f"stands by {100 * there:.0f} % of its square in {100 * FEWEST:.0f} % of the time"
@@ -99,6 +97,21 @@ def _beside(found: Diagnosis) -> str:
     )
 
 
+def _changing(found: Diagnosis, one: DeadTime, sure: str) -> str:
+    """A dead time that changes, alone or beside other effects."""
+    *others, delay = found.effects
+    horizon = f"{found.study.horizon_s:g} s ahead"
+    before, after = _error(found.base), _error(found.final)
+    first = f"with {_all(others)} the error {horizon} falls from {before} to {after} m/s, and " if others else ""
+    share = f"{100 * one.share:.0f} % of the squared error"
+    left = f"{share} that is left" if others else f"{share} {horizon}, {before} m/s,"
+    return (
+        f"{_all(found.effects)} {'are' if others else 'is'} missing: {first}{left} is that of a drive that answers "
+        f"now earlier ({one.early_s:+.2f} s) and now later ({one.late_s:+.2f} s) than the model. No constant delay is "
+        f"a model of that: adding {_all([delay])} brings little {sure}."
+    )
+
+
 def confidence(value: float) -> str:
     """Two digits, and never 1 or 0."""
     if value > 0.99:
@@ -114,10 +127,8 @@ def hidden_share(found: Diagnosis) -> float:
 
 def look_alikes(found: Diagnosis) -> list[str]:
     """What could be taken for the verdict, and why it lost or can't be told apart."""
-    if not found.effects:
-        return []
     told = []
-    for name in found.effects:
+    for name in found.worth_adding:
         apart = next((alike[1:] for alike in found.look_alikes if alike[0] == name), ())
         mine = _step_of(found, name)
         others = dict.fromkeys((*apart, *_runner_up(found, name), *EFFECTS[name].about.look_alikes))

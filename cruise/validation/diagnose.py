@@ -4,8 +4,8 @@ Every candidate is fitted jointly with the core and judged on held-out blocks, a
 far the error falls, against every other candidate, the curves without physics among them. Consequences of the drive
 (engine load, line pressure) must explain more than a cause does to be believed. In the end a catch-all tells "nothing"
 from "unlisted": much of an error that the recorded signals foretell, and all known effects don't, has a cause; so has
-an error far above the noise that nothing foretells, one that swings at a pace of its own, or one that comes of a dead
-time that changes.
+an error far above the noise that nothing foretells, or one that swings at a pace of its own. A dead time that changes
+has its name, too, though no constant delay is a model of it.
 """
 
 import math
@@ -46,6 +46,7 @@ AGAIN: Final = (
     "record what else could act there"
 )
 SWINGS: Final = "look for what turns or swings once in {period_s:.1f} s, on the machine or behind it, and record that"
+DELAY: Final = "transport_delay"
 LATE: Final = (
     "record when every command is sent and when the current follows it, and what could keep it or the valve waiting, "
     "such as the load of the bus"
@@ -90,15 +91,23 @@ class Diagnosis:
     final: Judged  # with the effects that were chosen, an unnamed dependence too
     hidden: Foretold  # what the catch-all still finds beside them
     swing_s: float  # period of what swings where nothing else is found; or NaN
-    dead_time: DeadTime | None  # how it changes, where nothing else is found
+    dead_time: DeadTime | None  # how it changes, beside what else is found
     beside: str  # signal on which much of what the effects leave depends, in a way that none describes; or empty
     refused: tuple[Refused, ...]
     study: Study
 
     @property
+    def worth_adding(self) -> tuple[str, ...]:
+        """The effects with which the model errs less: all but a dead time that changes, which no constant delay is."""
+        return tuple(name for name in self.effects if self.dead_time is None or name != DELAY)
+
+    @property
     def explained(self) -> bool:
-        """Whether the verdict comes with a model that errs less: with effects, or with a curve of a signal."""
-        return bool(self.effects) or self.final is not self.base
+        """Whether the verdict comes with a model that errs less: with effects, or with a curve of a signal.
+
+        A dead time that changes has a name, and no such model.
+        """
+        return self.final is not self.base
 
     @property
     def unrecorded(self) -> bool:
@@ -115,13 +124,7 @@ class Diagnosis:
     def momentary(self) -> bool:
         """Whether nothing recorded shows what is missing, and it acts in few moments only."""
         there = in_moments(self.final.fit.error_mps, self.study.period_s)
-        return (
-            self.untold
-            and not self.steps[0].taken
-            and there > MOST_THERE
-            and math.isnan(self.swing_s)
-            and self.dead_time is None
-        )
+        return self.untold and not self.steps[0].taken and there > MOST_THERE and math.isnan(self.swing_s)
 
 
 def diagnose(study: Study, show: Show = lambda text: None) -> Diagnosis:
@@ -134,11 +137,11 @@ def diagnose(study: Study, show: Show = lambda text: None) -> Diagnosis:
     hidden = _hidden(study, found)
     over = excess(hidden, base, final)
     silent = not (found.curved or found.unrecorded or over > 1.0)
-    heard = silent and not named
-    scene, error_mps = study.search.scene, final.fit.error_mps
-    swings = swing(error_mps, scene.current_ma, study.period_s) if heard else Swing()
-    late = dead_time(error_mps, scene.speed_mps - error_mps, scene.parts, study.period_s) if heard else DeadTime()
-    alone = max(untold(found, hidden.drift, study.period_s), swings.much, late.much) if silent else 0.0
+    late = _late(study, found) if silent else None
+    heard = silent and late is None
+    error_mps, current_ma = final.fit.error_mps, study.search.scene.current_ma
+    swings = swing(error_mps, current_ma, study.period_s) if heard and not named else Swing()
+    alone = max(untold(found, hidden.drift, study.period_s), swings.much) if heard else 0.0
     unlisted = found.curved or found.unrecorded or max(over, alone) > 1.0
     places = () if unlisted else tuple(exchanged(study, name, found, rng, show) for name in named)
     alike = tuple((one.name, *one.alike) for one in places if one.alike)
@@ -147,6 +150,8 @@ def diagnose(study: Study, show: Show = lambda text: None) -> Diagnosis:
     else:
         margin = min([*(one.margin for one in places), margin_of_the_end(found)])
         margin = margin if found.curved else min(margin, ENOUGH * (1.0 - max(over, alone)))
+    if late is not None:
+        margin = min(ENOUGH * (1.0 - 1.0 / late.much), margin if named else math.inf)
     verdict, effects, signals, words = Verdict.MISSING, named, (), ""
     if unlisted:
         verdict, effects = Verdict.UNLISTED, ()
@@ -160,7 +165,8 @@ def diagnose(study: Study, show: Show = lambda text: None) -> Diagnosis:
             signals, final = () if alone > 1.0 else hidden.signals, base
             words = _vary(signals) if signals else RECORD_MORE
             words = SWINGS.format(period_s=swings.period_s) if swings.much > 1.0 else words
-            words = LATE if late.much > 1.0 else words
+    elif late is not None:
+        effects, words = (*named, DELAY), LATE
     elif not named:
         verdict = Verdict.NOTHING
     elif len(named) == 1 and alike:
@@ -173,7 +179,7 @@ def diagnose(study: Study, show: Show = lambda text: None) -> Diagnosis:
         verdict=verdict,
         effects=effects,
         signals=signals,
-        ranking=_ranking(base, found.steps[0], named, confidence),
+        ranking=_ranking(base, found.steps[0], effects if late else named, confidence),
         look_alikes=alike,
         next_experiment=words,
         confidence=confidence,
@@ -183,12 +189,19 @@ def diagnose(study: Study, show: Show = lambda text: None) -> Diagnosis:
         final=final,
         hidden=hidden,
         swing_s=swings.period_s if swings.much > 1.0 else math.nan,
-        dead_time=late if late.much > 1.0 else None,
+        dead_time=late,
         beside=found.beside if effects else "",
         refused=found.refused,
         study=study,
     )
     return replace(said, next_experiment=AGAIN) if said.momentary else said
+
+
+def _late(study: Study, found: Selected) -> DeadTime | None:
+    """How the dead time changes beside what was found, if it does and the model's own delay is a constant."""
+    scene, error_mps = study.search.scene, found.final.fit.error_mps
+    late = dead_time(error_mps, scene.speed_mps - error_mps, scene.parts, study.period_s)
+    return late if late.much > 1.0 and DELAY not in found.final.explanation.structural else None
 
 
 def _likeliest(alike: Sequence[str], found: Selected) -> tuple[tuple[str, ...], Judged]:

@@ -101,7 +101,10 @@ def minute(found: Diagnosis, final: Judged) -> Minute:
     number, stretch = diagnosis_picture.telling_stretch(found, final)
     recording, first = scene.recordings[number], scene.parts[number].start
     measured = scene.speed_mps[stretch]
-    named = {Verdict.MISSING: " and ".join(found.effects), Verdict.AMBIGUOUS: found.effects[0] if found.effects else ""}
+    named = {
+        Verdict.MISSING: " and ".join(found.worth_adding),
+        Verdict.AMBIGUOUS: found.effects[0] if found.effects else "",
+    }
     best = found.steps[0].tried[0].name.removeprefix(UNNAMED) if found.steps[0].tried else ""
     return Minute(
         time_s=recording.time_s[stretch.start - first : stretch.stop - first],

@@ -8,7 +8,7 @@ import pytest
 from cruise.effects import EFFECTS, Stage
 from cruise.effects.dead_zone import DeadZone
 from cruise.identification.structures import parse
-from cruise.report.diagnosis import sentence
+from cruise.report.diagnosis import look_alikes, sentence
 from cruise.validation.candidates import UNNAMED
 from cruise.validation.confidence import (
     LEAST_FORETOLD,
@@ -383,13 +383,28 @@ def test_a_dead_time_that_changes_is_said_with_how_early_and_how_late_the_answer
         return np.where(later, np.concatenate([current_ma[:4], current_ma[:-4]]), current_ma)
 
     one = found(command=waiting)
-    assert (one.verdict, one.effects, one.signals) == (Verdict.UNLISTED, (), ())
+    assert (one.verdict, one.effects, one.signals) == (Verdict.MISSING, ("transport_delay",), ())
+    assert one.confidence > 0.5
     assert one.dead_time is not None
     assert one.dead_time.late_s - one.dead_time.early_s == pytest.approx(0.4, abs=0.15)
-    assert not one.momentary
+    assert one.worth_adding == ()
+    assert not one.explained
     assert "when every command is sent" in one.next_experiment
-    assert "changes the dead time" in sentence(one)
+    assert "`transport_delay` is missing: " in sentence(one)
     assert f"later ({one.dead_time.late_s:+.2f} s)" in sentence(one)
+    assert look_alikes(one) == []
+
+
+def test_a_dead_time_that_changes_is_found_beside_another_effect():
+    def waiting(current_ma: np.ndarray) -> np.ndarray:
+        later = DT_S * np.arange(SAMPLES) % 50.0 < 25.0
+        return np.where(later, np.concatenate([current_ma[:4], current_ma[:-4]]), current_ma)
+
+    one = found(command=waiting, load_mps=-0.05 * PITCH)
+    assert (one.verdict, set(one.effects)) == (Verdict.MISSING, {"grade", "transport_delay"})
+    assert one.worth_adding == ("grade",)
+    assert one.explained
+    assert "`grade` and `transport_delay` are missing: with `grade` the error" in sentence(one)
 
 
 def test_soil_that_nobody_recorded_is_no_effect():

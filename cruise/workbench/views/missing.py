@@ -110,7 +110,8 @@ def _verdict(page: Page, found: Diagnosed) -> None:
     if found.late:
         with card("The dead time"):
             ui.label(f"{found.late[:1].upper()}{found.late[1:]}.").classes("measure")
-    if found.verdict in ("unlisted", "ambiguous") and found.next_experiment:
+    undecided = found.verdict in ("unlisted", "ambiguous") or (found.verdict == "missing" and not found.explained)
+    if undecided and found.next_experiment:
         with card("The drive that tells"):
             for sentence in found.next_experiment:
                 ui.label(sentence).classes("measure")

@@ -21,7 +21,7 @@ from cruise.validation.disturbance import Disturbance, disturbance_of
 from cruise.validation.explanation import CORE, START, Explanation
 from cruise.validation.fitting import Fit, Layout, Objective, as_it_is, bounded, fit, layout
 from cruise.validation.simulation import RAN_AWAY_MPS, Scene
-from cruise.validation.slip import slip_mps
+from cruise.validation.slip import slip_mps, sure_of_slip
 from cruise.validation.starts import NEARLY, Starts, apart
 
 FOLDS: Final = 5
@@ -85,7 +85,7 @@ class Search:
         self.disturbance = Disturbance((), self.starts)
         self.blocks = _blocks(scene)
         self.fixed = fixed  # shapes that nothing in the recordings moves
-        self.slip_mps = slip_mps(scene.recordings)
+        self.slip_mps, self.sure_of_slip = slip_mps(scene.recordings), sure_of_slip(scene.recordings)
         self._starts: Starts | None = None
 
     # -- fits

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from cruise.effects.dead_zone import DeadZone
+from cruise.effects.sensor_bias import SensorBias
 from cruise.identification.structures import parse
 from cruise.validation import trying
 from cruise.validation.candidates import UNNAMED, candidates, unnamed, with_effect
@@ -18,9 +19,11 @@ from cruise.validation.study import Study, study
 from cruise.validation.tried import Step
 from cruise.validation.trying import (
     MOVED,
+    SURE_OF_SLIP,
     of_its_own,
     of_the_best_kind,
     stands_in_for_dead_time,
+    taken_for_the_other,
     takes_acceleration_for_slope,
     tried_beside,
 )
@@ -141,6 +144,32 @@ def test_a_resonance_that_needs_all_the_dead_time_there_may_be_stands_in_for_mor
     assert not stands_in_for_dead_time(plain.search, [judged("resonance", most_s, 0.7), delay]), "it rings"
     assert stands_in_for_dead_time(plain.search, [judged("resonance", most_s, 0.95)]), "more is not to be had"
     assert not stands_in_for_dead_time(plain.search, [delay])
+
+
+@pytest.mark.parametrize(
+    ("sure", "slip_leaves", "bias_leaves", "none"),
+    [
+        (2.0, 0.2, 0.2, ("sensor_bias",)),
+        (-2.0, 0.2, 0.2, ("wheel_slip",)),
+        (-2.0, 0.2, 0.5, ("wheel_slip",)),  # the bias takes five eighths of what slip takes
+        (-2.0, 0.2, 0.7, ()),
+        (2.0, 0.7, 0.2, ()),
+        (0.9 * SURE_OF_SLIP, 0.2, 0.2, ()),
+        (-0.9 * SURE_OF_SLIP, 0.2, 0.2, ()),
+    ],
+)
+def test_slip_is_no_bias_and_a_bias_no_slip_where_the_two_speeds_say_so(plain, sure, slip_leaves, bias_leaves, none):
+    def judged(name: str, left: float) -> Judged:
+        return replace(plain.base, candidate=name, raw=left * np.ones_like(plain.base.raw))
+
+    search, present = cast(Search, SimpleNamespace(sure_of_slip=sure)), judged("", 1.0)
+    both = [judged("wheel_slip", slip_leaves), judged("sensor_bias", bias_leaves)]
+    assert taken_for_the_other(search, present, both) == none
+    assert taken_for_the_other(search, present, []) == ()
+    fit = present.fit
+    there = replace(fit.layout, start=with_effect(plain.base.explanation, SensorBias()))
+    named = replace(present, fit=replace(fit, layout=there, vector=there.vector))
+    assert ("wheel_slip" in taken_for_the_other(search, named, [])) is (sure <= -SURE_OF_SLIP), "it is there already"
 
 
 def test_of_two_kinds_the_one_that_errs_less_beside_the_others_is_kept():

@@ -34,7 +34,8 @@ NEEDED_SHARE: Final = 0.05  # and of the present loss
 MEDIATED: Final = 0.27  # of the present loss: all that an effect may leave through whose signal every force acts
 NOISY: Final = 0.65  # likewise, where no other cause takes away more than
 LONELY: Final = 0.35  # of what it does, and no effect has been found yet: then noise is most of what it leaves,
-UNSEEN: Final = 0.4  # or no more than so much, where it is a force that nobody recorded
+LONELIER: Final = 0.25  # and less where it leaves more than the next: soil does, beside a little of everything,
+UNSEEN: Final = 0.4  # and no more than so much, where it is a force that nobody recorded
 MORE: Final = 0.8  # of what the best direct cause leaves: with less, and with
 BEYOND: Final = 0.04  # of the present loss, that it must take away beyond the best direct cause: forms may be wrong
 TOLD_BESIDE: Final = 0.7  # of what it takes away beyond that foretold by what is recorded, it is a cause itself
@@ -109,7 +110,8 @@ def _one_by_one(study: Study, present: Judged, mediator: Judged, direct: Judged,
     level = not all(PITCH in one.columns for one in study.recordings)  # or so it may seem: any slope is unrecorded
     untold = Through.ITSELF if level else Through.UNRECORDED
     instead = (present.loss - direct.loss) / taken
-    margin = max(1.0 - left / MEDIATED, 1.0 - instead / LONELY if first else 0.0)
+    lonely = LONELY if left <= UNSEEN else LONELIER
+    margin = max(1.0 - left / MEDIATED, 1.0 - instead / lonely if first else 0.0)
     if left > MEDIATED and margin > 0.0 and told(present.fit.error_mps) >= TOLD:
         return Through.ITSELF, margin
     if left > MEDIATED:

@@ -107,8 +107,8 @@ def _one_by_one(study: Study, present: Judged, mediator: Judged, direct: Judged,
         part_mps = error_mps - mediator.fit.error_mps
         return share_told(study.search.scene, present.fit, part_mps, study.search.blocks, by)
 
-    level = not all(PITCH in one.columns for one in study.recordings)  # or so it may seem: any slope is unrecorded
-    untold = Through.ITSELF if level else Through.UNRECORDED
+    pitched = all(PITCH in one.columns for one in study.recordings)  # else any slope is a force that nobody recorded
+    untold = Through.UNRECORDED if pitched else Through.ITSELF
     instead = (present.loss - direct.loss) / taken
     lonely = LONELY if left <= UNSEEN else LONELIER
     margin = max(1.0 - left / MEDIATED, 1.0 - instead / lonely if first else 0.0)

@@ -28,7 +28,7 @@ from cruise.validation.tried import LEAST_GAIN, LOOSE, RESISTANCE, Step, Tried, 
 
 OF_THE_SLOPE: Final = 0.3  # of what a grade takes away, that a curve of the slope must take, too: one took 0.8 or more
 SURE_OF_SLIP: Final = 1.5  # standard errors: slip had 0.3 or more in 16 drives of 17, a bias -1.6 or less in 6 of 7
-AS_MUCH: Final = 0.5  # of what the one takes away, that the other must take for it to be the other
+AS_MUCH: Final = 0.9  # of what the one takes away, that the other must take for it to be the other
 FREED: Final = 0.3  # of the cost, that an effect must take away for its spare shape to be tried
 MOVED: Final = 0.03  # of the cost, by which a better core makes all be tried anew from it
 PLAIN: Final = 0.5  # of what the best cause leaves: with less, a consequence of the drive is a cause all the same
@@ -142,7 +142,7 @@ def stands_in_for_dead_time(search: Search, judged: Sequence[Judged]) -> bool:
 
 
 def taken_for_the_other(search: Search, present: Judged, judged: Sequence[Judged]) -> tuple[str, ...]:
-    """Slip where the two speeds differ by a bias, or the bias where they differ by slip, if the other isn't far worse.
+    """Slip where the two speeds differ by a bias, or the bias where they differ by slip, if the other takes as much.
 
     Both read the same difference, and follow it however it comes about.
     """

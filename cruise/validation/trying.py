@@ -149,8 +149,6 @@ def taken_for_the_other(search: Search, present: Judged, judged: Sequence[Judged
     if abs(search.sure_of_slip) < SURE_OF_SLIP:
         return ()
     it, other = ("wheel_slip", "sensor_bias") if search.sure_of_slip > 0.0 else ("sensor_bias", "wheel_slip")
-    if it in present.explanation.names:
-        return (other,)
     taken = {one.candidate: present.loss - one.loss for one in judged}
     return (other,) if it in taken and taken[it] > AS_MUCH * taken.get(other, math.inf) else ()
 

@@ -56,6 +56,14 @@ def report(found: Diagnosis, model: str, structure: str) -> dict[str, Any]:
             if name not in evidence.members(base.explanation) and not name.startswith(UNNAMED)
         },
         "dead_time_s": {"model": found.study.delay_s, "found": _number(final.explanation.core.delay_s)},
+        "dead_time_changes": found.dead_time
+        and {
+            "early_s": _number(found.dead_time.early_s),
+            "late_s": _number(found.dead_time.late_s),
+            "share": _number(found.dead_time.share),
+        },
+        "swing_s": _number(found.swing_s),
+        "worth_adding": list(found.worth_adding),
         "moved": [
             {
                 "of": one.before.owner,

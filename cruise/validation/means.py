@@ -1,4 +1,4 @@
-"""Running means over what was measured."""
+"""Running means and sums over what was measured."""
 
 import numpy as np
 
@@ -12,3 +12,10 @@ def trailing_mean(values: np.ndarray, count: int) -> np.ndarray:
     first = np.maximum(np.arange(len(values)) + 1 - count, 0)
     total, number = sums[1:] - sums[first], numbers[1:] - numbers[first]
     return np.where(number > 0, total / np.maximum(number, 1), np.nan)
+
+
+def sums_beside(values: np.ndarray, half: int, gap: int) -> np.ndarray:
+    """Sum (N,) of the `half` samples before and after each, without the `gap` next to it and without itself."""
+    window = np.ones(2 * half + 1)
+    window[half - gap : half + gap + 1] = 0.0
+    return np.convolve(values, window)[half:][: len(values)]

@@ -19,6 +19,7 @@ import numpy as np
 
 from cruise.recording import Recording
 from cruise.signals import OUTPUT
+from cruise.validation.means import sums_beside
 
 WHEEL: Final = "wheel_speed_mps"
 MEAN_S: Final = 2.0  # s
@@ -81,15 +82,10 @@ def sure_of_slip(recordings: Sequence[Recording]) -> float:
 def _won_by_slip(lost_mps: np.ndarray, wheel_mps: np.ndarray, turning: np.ndarray, dt_s: float) -> list[float]:
     """By how much the squared error (m2/s2) of a bias is more than that of slip, in every block while wheels turn."""
     half, gap = round(AROUND_S / dt_s), round(BESIDE_S / dt_s)
-    window = np.ones(2 * half + 1)
-    window[half - gap : half + gap + 1] = 0.0
-
-    def around(values: np.ndarray) -> np.ndarray:
-        return np.convolve(values, window)[half:][: len(values)]
-
-    known = around(turning.astype(float))
-    bias_mps = around(lost_mps) / np.maximum(known, 1.0)
-    slip = around(wheel_mps * lost_mps) / np.maximum(around(wheel_mps**2), 1e-9)
+    known, lost, product, square = (
+        sums_beside(one, half, gap) for one in (turning.astype(float), lost_mps, wheel_mps * lost_mps, wheel_mps**2)
+    )
+    bias_mps, slip = lost / np.maximum(known, 1.0), product / np.maximum(square, 1e-9)
     more = (lost_mps - bias_mps) ** 2 - (lost_mps - slip * wheel_mps) ** 2
     judged = turning & (known >= FEWEST)
     blocks = [slice(start, start + half) for start in range(0, len(more), half)]

@@ -9,6 +9,7 @@ from cruise.effects import EFFECTS, Stage
 from cruise.effects.dead_zone import DeadZone
 from cruise.identification.structures import parse
 from cruise.report.diagnosis import look_alikes, sentence
+from cruise.report.diagnosis_figures import report
 from cruise.validation.candidates import UNNAMED
 from cruise.validation.confidence import (
     LEAST_FORETOLD,
@@ -377,11 +378,13 @@ def test_something_that_swings_at_a_pace_of_its_own_is_said_with_its_period():
     assert f"swings with a period of {one.swing_s:.1f} s" in sentence(one)
 
 
-def test_a_dead_time_that_changes_is_said_with_how_early_and_how_late_the_answer_comes():
-    def waiting(current_ma: np.ndarray) -> np.ndarray:
-        later = DT_S * np.arange(SAMPLES) % 50.0 < 25.0
-        return np.where(later, np.concatenate([current_ma[:4], current_ma[:-4]]), current_ma)
+def waiting(current_ma: np.ndarray) -> np.ndarray:
+    """A current that comes 0.4 s late for 25 s of every 50."""
+    later = DT_S * np.arange(SAMPLES) % 50.0 < 25.0
+    return np.where(later, np.concatenate([current_ma[:4], current_ma[:-4]]), current_ma)
 
+
+def test_a_dead_time_that_changes_is_said_with_how_early_and_how_late_the_answer_comes():
     one = found(command=waiting)
     assert (one.verdict, one.effects, one.signals) == (Verdict.MISSING, ("transport_delay",), ())
     assert one.confidence > 0.5
@@ -393,13 +396,13 @@ def test_a_dead_time_that_changes_is_said_with_how_early_and_how_late_the_answer
     assert "`transport_delay` is missing: " in sentence(one)
     assert f"later ({one.dead_time.late_s:+.2f} s)" in sentence(one)
     assert look_alikes(one) == []
+    told = report(one, "a.yaml", "arx")
+    late = one.dead_time
+    assert told["dead_time_changes"] == {"early_s": late.early_s, "late_s": late.late_s, "share": late.share}
+    assert told["worth_adding"] == []
 
 
 def test_a_dead_time_that_changes_is_found_beside_another_effect():
-    def waiting(current_ma: np.ndarray) -> np.ndarray:
-        later = DT_S * np.arange(SAMPLES) % 50.0 < 25.0
-        return np.where(later, np.concatenate([current_ma[:4], current_ma[:-4]]), current_ma)
-
     one = found(command=waiting, load_mps=-0.05 * PITCH)
     assert (one.verdict, set(one.effects)) == (Verdict.MISSING, {"grade", "transport_delay"})
     assert one.worth_adding == ("grade",)
@@ -414,3 +417,5 @@ def test_soil_that_nobody_recorded_is_no_effect():
     assert not one.momentary
     assert np.isnan(one.swing_s)
     assert one.dead_time is None
+    told = report(one, "a.yaml", "arx")
+    assert (told["swing_s"], told["dead_time_changes"]) == (None, None)

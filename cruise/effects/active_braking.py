@@ -20,6 +20,7 @@ from typing import ClassVar, Final
 import numpy as np
 
 from cruise.effects.effect import About, Effect, Parameter, Stage, State, Value, clip, where
+from cruise.effects.low_pass import followed_over
 from cruise.signals import Signals
 
 UNLIMITED_MA_PER_S: Final = 10000.0  # mA/s: a tenth of a second from full current, quicker than any machine
@@ -102,17 +103,16 @@ class ActiveBraking(Effect):
     def over(
         self, values: Value, past_speeds: np.ndarray, signals: Mapping[str, np.ndarray], dt_s: float
     ) -> tuple[Value, State]:
-        """The whole recording, the copy in one narrow loop: the shape is looked for in recordings of 10^5 samples."""
+        """The lags by filters, the copy in one narrow loop: the shape is looked for in recordings of 10^5 samples."""
         values = np.array(np.broadcast_to(values, len(past_speeds)), float)
-        arrived, copy, first, second = math.nan, math.nan, math.nan, math.nan
-        lag, along = 1.0 - math.exp(-LAGS * dt_s / self.lag_s), -dt_s / self.time_constant_s
+        passed_ma = [np.abs(values)]
+        for _ in range(round(LAGS)):
+            passed_ma.append(followed_over(passed_ma[-1], self.lag_s / LAGS, dt_s))
+        copy, along = math.nan, -dt_s / self.time_constant_s
         plain, full = 1.0 - math.exp(along), 1.0 - math.exp(along * self.braking_pace)
         reach = self.fall_ma_per_s * dt_s if self.fall_ma_per_s < UNLIMITED_MA_PER_S else math.inf
-        states = []
-        for magnitude_ma in np.abs(values).tolist():
-            first = first + lag * (magnitude_ma - first) if first == first else magnitude_ma
-            second = second + lag * (first - second) if second == second else first
-            arrived = arrived + lag * (second - arrived) if arrived == arrived else second
+        copies, paces = [], []
+        for arrived in passed_ma[-1].tolist():
             copy = copy if copy == copy else arrived
             behind = copy - arrived
             if behind <= 0.0:
@@ -127,8 +127,9 @@ class ActiveBraking(Effect):
                 pace = reach / (plain * behind)
                 share = 1.0 - math.exp(along * pace)
             copy -= share * behind
-            states.append((first, second, arrived, copy, pace))
-        return values, tuple(np.array(states).reshape(-1, 5).T)
+            copies.append(copy)
+            paces.append(pace)
+        return values, (*passed_ma[1:], np.array(copies), np.array(paces))
 
     def pace(self, signals: Signals, state: State) -> Value:
         """More or less than 1 while the drive falls."""

@@ -168,7 +168,7 @@ class Effect(ABC):
 def clip(value: Value, low: float, high: float) -> Value:
     """`value` within low..high, elementwise; NaN stays NaN."""
     if isinstance(value, np.ndarray):
-        return np.clip(value, low, high)
+        return np.minimum(np.maximum(value, low), high)
     return min(max(value, low), high)
 
 

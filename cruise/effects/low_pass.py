@@ -27,8 +27,11 @@ def followed(before: Value, now: Value, moved: Value) -> Value:
 
 
 def followed_over(values: np.ndarray, time_constant_s: float, dt_s: float) -> np.ndarray:
-    """z (N,) of values (N,) without a hole."""
-    if not len(values):
-        return values
+    """z (N,) of values (N,); NaN in a hole, and begun anew after it."""
     rest = math.exp(-dt_s / max(time_constant_s, AT_ONCE_S))
-    return np.asarray(scipy.signal.lfilter([1.0 - rest], [1.0, -rest], values, zi=[rest * values[0]])[0])
+    result = np.full(len(values), np.nan)
+    ends = np.flatnonzero(np.diff(np.isfinite(values), prepend=False, append=False))
+    for first, end in ends.reshape(-1, 2).tolist():
+        begun = [rest * values[first]]
+        result[first:end] = scipy.signal.lfilter([1.0 - rest], [1.0, -rest], values[first:end], zi=begun)[0]
+    return result

@@ -89,7 +89,8 @@ class RateLimit(Effect):
                 wanted = value - rest * (value - result)
                 low_ma = back_ma if result > 0.0 else reach_ma
                 high_ma = back_ma if result < 0.0 else reach_ma
-                result = result - low_ma if wanted < result - low_ma else min(wanted, result + high_ma)
+                low_ma, high_ma = result - low_ma, result + high_ma
+                result = low_ma if wanted < low_ma else high_ma if wanted > high_ma else wanted
             else:
                 result = value
             results.append(result)

@@ -1,16 +1,16 @@
 """Joint fit of core, coefficients and shapes to the simulated speed: output error, by trust-region Gauss-Newton.
 
-    minimise over p  || F e(p) ||^2,   e(p) measured minus simulated speed at least 3 s after the last measured one
+    minimise over p  || e(p) ||^2,   e(p) measured minus simulated speed at least 3 s after the last measured one
 
 p holds the core's gain, delay, lag and time constant, the offset, a coefficient for each load and the shapes of all
-effects. F whitens a disturbance that nobody recorded (an autoregression on the residual; identity where there is
-none): with it, equal evidence counts equally. The derivatives are forward differences, all simulated at once. Source:
-L. Ljung, System Identification, 2nd ed. 1999, chapters 7 and 10; solver: scipy's least_squares (Branch, Coleman, Li).
+effects. The derivatives are forward differences, simulated at once with the error itself: nearly every step that the
+solver tries is taken. Source: L. Ljung, System Identification, 2nd ed. 1999, chapters 7 and 10; solver: scipy's
+least_squares (Branch, Coleman, Li).
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Final
 
 import numpy as np
@@ -24,6 +24,7 @@ STEP: Final = 1e-4  # of a parameter's range, for the differences
 TOLERANCE: Final = 1e-5  # relative change of cost and parameters at which a fit has ended
 INSIDE: Final = 1e-2  # of a typical change, by which a fit starts inside its bounds
 MOST_STEPS: Final = 25
+REMEMBERED: Final = 2  # vectors: where the solver stands and what it tries
 FAR: Final = 1e3  # bounds of coefficients, in units of their own scale
 
 
@@ -114,13 +115,13 @@ def layout(start: Explanation, longest_delay_s: float, gain_scale: float, free: 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A fitted explanation with what is needed to judge it: errors (N,), derivatives (N, p), both whitened too."""
+    """A fitted explanation with what is needed to judge it: errors (N,) and derivatives (N, p)."""
 
     layout: Layout
     vector: np.ndarray
     error_mps: np.ndarray
     jacobian: np.ndarray
-    cost: float  # mean of the squared, whitened error
+    cost: float  # mean of the squared error, in m2/s2
 
     @cached_property
     def explanation(self) -> Explanation:
@@ -142,34 +143,36 @@ class Fit:
 class Objective:
     """Errors and derivatives of a layout over a scene."""
 
-    def __init__(self, scene: Scene, plan: Layout, whiten: Callable[[np.ndarray], np.ndarray]) -> None:
-        self.scene, self.plan, self.whiten = scene, plan, whiten
-        self.evaluations = 0
+    def __init__(self, scene: Scene, plan: Layout) -> None:
+        self.scene, self.plan = scene, plan
+        self._here = lru_cache(REMEMBERED)(self._differences)
 
     def errors(self, vectors: Sequence[np.ndarray]) -> np.ndarray:
         """(P, N), raw, NaN where nothing is judged or a signal is missing."""
-        self.evaluations += len(vectors)
         return self.scene.errors([self.plan.explanation(vector) for vector in vectors])
 
     def residual(self, vector: np.ndarray) -> np.ndarray:
-        return bounded(self.whiten(self.errors([vector]))[0])
+        return bounded(self.raw(vector))
 
     def jacobian(self, vector: np.ndarray) -> np.ndarray:
-        return self.differences(vector)[1]
+        return self._here(vector.tobytes())[1]
+
+    def raw(self, vector: np.ndarray) -> np.ndarray:
+        """Error (N,) as it is."""
+        return self._here(vector.tobytes())[0]
 
     def differences(self, vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Whitened error (N,) and its derivatives (N, p)."""
+        """Error (N,) and its derivatives (N, p)."""
+        return self.residual(vector), self.jacobian(vector)
+
+    def _differences(self, key: bytes) -> tuple[np.ndarray, np.ndarray]:
+        vector = np.frombuffer(key)
         _, high = self.plan.bounds
         size = STEP * self.plan.scale
         step = np.where(vector + size > high, -size, size)
-        shifted = [vector] + [vector + np.eye(len(vector))[i] * step[i] for i in range(len(vector))]
-        errors = bounded(self.whiten(self.errors(shifted)))
-        return errors[0], ((errors[1:] - errors[0]) / step[:, None]).T
-
-
-def as_it_is(errors: np.ndarray) -> np.ndarray:
-    """No whitening: F is the identity."""
-    return errors
+        raw = self.errors([vector, *(vector + np.diag(step))])
+        errors = bounded(raw)
+        return raw[0], ((errors[1:] - errors[0]) / step[:, None]).T
 
 
 def bounded(errors: np.ndarray) -> np.ndarray:
@@ -180,12 +183,11 @@ def bounded(errors: np.ndarray) -> np.ndarray:
 def fit(
     scene: Scene,
     plan: Layout,
-    whiten: Callable[[np.ndarray], np.ndarray],
     steps: int = MOST_STEPS,
     tolerance: float = TOLERANCE,
 ) -> Fit:
     """The least squares fit from where the plan starts."""
-    objective = Objective(scene, plan, whiten)
+    objective = Objective(scene, plan)
     low, high = plan.bounds
     room = np.minimum(INSIDE * plan.scale, 0.25 * (high - low))  # on a bound the solver would stand still
     start = np.clip(plan.vector, low + room, high - room)
@@ -200,5 +202,4 @@ def fit(
         gtol=1e-9,
         max_nfev=steps,
     )
-    error = objective.errors([found.x])[0]
-    return Fit(plan, found.x, error, np.asarray(found.jac), float(2.0 * found.cost / max(scene.judged.sum(), 1)))
+    return Fit(plan, found.x, objective.raw(found.x), np.asarray(found.jac), float(2.0 * found.cost / max(scene.judged.sum(), 1)))

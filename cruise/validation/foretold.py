@@ -17,6 +17,7 @@ Source: J. H. Friedman, Greedy function approximation: a gradient boosting machi
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from typing import Final
 
@@ -29,6 +30,7 @@ from threadpoolctl import threadpool_limits
 from cruise.effects.hysteresis import Hysteresis
 from cruise.signals import INPUT, OUTPUT
 from cruise.validation.fitting import Fit, bounded
+from cruise.validation.side_by_side import side_by_side
 from cruise.validation.simulation import Scene
 from cruise.validation.slope import PITCH, SLOPE
 from cruise.validation.unnamed import SPEED
@@ -105,7 +107,6 @@ def share_told(scene: Scene, present: Fit, part_mps: np.ndarray, blocks: np.ndar
     return 1.0 - float(np.mean((part - whole[known]) ** 2)) / max(float(np.var(part)), 1e-12)
 
 
-@threadpool_limits.wrap(limits=1)  # two threads that wait for each other cost more than they bring
 def _across(
     seen: Mapping[str, list[np.ndarray]], part_mps: np.ndarray, blocks: np.ndarray, mixed: bool = True
 ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
@@ -115,18 +116,27 @@ def _across(
     known, held = np.isfinite(part_mps), blocks % FOLDS
     part = np.where(known, part_mps, 0.0)
     whole, without = np.zeros_like(part), {name: np.zeros_like(part) for name in seen}
-    for fold in range(FOLDS):
-        shown, unseen = known & (held != fold), known & (held == fold)
-        if not unseen.any() or not shown.any():
-            continue
-        trees = HistGradientBoostingRegressor(**TREES).fit(matrix[shown], part[shown])
-        rows = matrix[unseen]
-        whole[unseen] = trees.predict(rows)
-        for name in seen if mixed else ():  # as if the signal had been that of another time
-            mine = np.array([one == name for one in names])
-            other = np.where(mine, np.roll(rows, len(rows) // 2, axis=0), rows)
-            without[name][unseen] = trees.predict(other)
+    folds = [(known & (held != fold), known & (held == fold)) for fold in range(FOLDS)]
+    folds = [(shown, unseen) for shown, unseen in folds if unseen.any() and shown.any()]
+    others = [np.array([one == name for one in names]) for name in (seen if mixed else ())]
+    told = side_by_side(partial(_told, matrix, part, others), folds)
+    for (_, unseen), (mine, *mixed_up) in zip(folds, told, strict=True):
+        whole[unseen] = mine
+        for name, one in zip(seen, mixed_up, strict=False):
+            without[name][unseen] = one
     return whole, without
+
+
+@threadpool_limits.wrap(limits=1)  # two threads that wait for each other cost more than they bring
+def _told(
+    matrix: np.ndarray, part: np.ndarray, others: Sequence[np.ndarray], fold: tuple[np.ndarray, np.ndarray]
+) -> list[np.ndarray]:
+    """What trees that were shown some rows foretell of the unseen ones; and as if `others` were of another time."""
+    shown, unseen = fold
+    trees = HistGradientBoostingRegressor(**TREES).fit(matrix[shown], part[shown])
+    rows = matrix[unseen]
+    elsewhere = np.roll(rows, len(rows) // 2, axis=0)
+    return [trees.predict(rows), *(trees.predict(np.where(mine, elsewhere, rows)) for mine in others)]
 
 
 def beside(present: Fit, others: Sequence[Fit]) -> np.ndarray:

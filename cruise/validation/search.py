@@ -19,7 +19,7 @@ from cruise.model import prediction
 from cruise.validation.candidates import Candidate, EffectCandidate, kinds_of, ways_of, without
 from cruise.validation.disturbance import Disturbance, disturbance_of
 from cruise.validation.explanation import CORE, START, Explanation
-from cruise.validation.fitting import Fit, Layout, Objective, as_it_is, bounded, fit, layout
+from cruise.validation.fitting import Fit, Layout, Objective, bounded, fit, layout
 from cruise.validation.simulation import RAN_AWAY_MPS, Scene
 from cruise.validation.slip import slip_mps, sure_of_slip
 from cruise.validation.starts import NEARLY, Starts, apart
@@ -98,7 +98,7 @@ class Search:
         return layout(start, self.most_delay_s(start), self.gain_scale, lambda name: name not in self.fixed)
 
     def fitted(self, start: Explanation, steps: int = ORDINARY_STEPS) -> Fit:
-        return fit(self.scene, self.plan(start), as_it_is, steps)
+        return fit(self.scene, self.plan(start), steps)
 
     def grown(self, explanation: Explanation, candidate: Candidate) -> Fit:
         """The best joint fit of the explanation with the candidate, from every start that the candidate offers."""
@@ -183,12 +183,12 @@ class Search:
 
     def finished(self, begun: Fit) -> Fit:
         """The fit carried on to its end."""
-        return fit(self.scene, replace(begun.layout, start=begun.explanation), as_it_is, ORDINARY_STEPS)
+        return fit(self.scene, replace(begun.layout, start=begun.explanation), ORDINARY_STEPS)
 
     def settled(self, begun: Fit) -> Fit:
         """The fit carried on until nothing changes: of a model that is kept, where the way to it may take its time."""
         plan = replace(begun.layout, start=begun.explanation)
-        return min(fit(self.scene, plan, as_it_is, SETTLED_STEPS, SETTLED), begun, key=lambda one: one.cost)
+        return min(fit(self.scene, plan, SETTLED_STEPS, SETTLED), begun, key=lambda one: one.cost)
 
     def regrown(self, found: Fit) -> Fit:
         """The fit settled, or a better one in which what reshapes the current began anew beside all that came later.
@@ -210,7 +210,7 @@ class Search:
 
     def judged(self, name: str, found: Fit) -> Judged:
         """Held-out errors: for every fold the parameters move to where the rest of the recording wants them."""
-        objective = Objective(self.scene, found.layout, as_it_is)
+        objective = Objective(self.scene, found.layout)
         low, high = found.layout.bounds
         scale = found.layout.scale
         slopes, error = found.jacobian * scale, bounded(found.error_mps)

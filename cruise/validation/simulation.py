@@ -27,7 +27,7 @@ WARM_UP_S: Final = 3.0  # s, the paper's horizon: what a prediction at least has
 JUDGED_S: Final = 6.0  # s; longer costs more steps, shorter more starts
 RAN_AWAY_MPS: Final = 1e3  # m/s, a speed or an error beyond which no more is to be learned
 SAME_TIME: Final = 0.01  # of a period: time stamps that differ by less are one
-CACHED: Final = 400  # arrays; older ones are forgotten
+CACHED_BYTES: Final = 32_000_000  # of what is kept; what was made first is forgotten first
 
 
 class Raw:
@@ -60,7 +60,7 @@ class Raw:
         if self.same:
             return values
         if self.each:
-            return values[self.edges[0] : self.edges[-1]].reshape(-1, self.each).mean(axis=1)
+            return values[self.edges[0] : self.edges[-1]].reshape(-1, self.each) @ np.full(self.each, 1.0 / self.each)
         total = np.concatenate([[0.0], np.cumsum(np.nan_to_num(values))])
         holes = np.concatenate([[0], np.cumsum(np.isnan(values))])
         count = np.diff(self.edges)
@@ -98,6 +98,7 @@ class Scene:
         self.held = np.concatenate([standing_held(one.input, one.output, self.period_s) for one in recordings])
         self._lay_out(horizon_s)
         self._cache: dict[Any, Any] = {}
+        self._cached_bytes = 0
 
     def __len__(self) -> int:
         return len(self.speed_mps)
@@ -120,17 +121,22 @@ class Scene:
         self.shown[-1] = False
         self.judged = np.zeros(len(self), dtype=bool)
         self.judged[self.steps[self.shown]] = True
+        self._place = np.zeros(len(self), dtype=int)  # among all steps, of the one that judges a sample
+        self._place[self.steps[self.shown]] = np.flatnonzero(self.shown)
         past = self.speed_mps[self.steps[0] - 1] if len(starts) else np.zeros(0)
         self.start_mps = past
 
     # -- what does not depend on the speed, computed once
 
     def _kept(self, key: Any, make: Any) -> Any:
-        if key not in self._cache:
-            if len(self._cache) > CACHED:
-                self._cache.clear()
-            self._cache[key] = make()
-        return self._cache[key]
+        if key in self._cache:
+            return self._cache[key]
+        made = make()
+        self._cache[key] = made
+        self._cached_bytes += _bytes(made)
+        while self._cached_bytes > CACHED_BYTES and len(self._cache) > 1:
+            self._cached_bytes -= _bytes(self._cache.pop(next(iter(self._cache))))
+        return made
 
     def over(self, effect: Effect, values: Any, key: Any) -> tuple[Any, Any]:
         """An effect over all recordings, (N,) and its state: begun anew in each."""
@@ -233,9 +239,8 @@ class Scene:
         pace: np.ndarray | None,
         reading: Sequence[int],
     ) -> np.ndarray:
-        result = np.full((len(batch), len(self)), np.nan)
         if not self.steps.size:
-            return result
+            return np.full((len(batch), len(self)), np.nan)
         effects = batch[0].effects
         places = {i: place for place, i in enumerate(batch[0].at(Stage.LOAD))}
         stacked = {i: _stacked([one.effects[i] for one in batch]) for i in reading}
@@ -244,11 +249,14 @@ class Scene:
         signals = {name: self.signals[name][self.steps] for name in needed if name in self.signals}
         speed = np.broadcast_to(self.start_mps, (len(batch), self.steps.shape[1]))
         memory = {i: stacked[i].start(np.zeros(speed.shape)) for i in reading}
-        drive = (1.0 - poles) * (gained + forced)  # what it is where nothing reads the speed
-        for step, at in enumerate(self.steps):
+        gained, forced = gained.take(self.steps, axis=1), forced.take(self.steps, axis=1)  # (P, T, S)
+        drive = (1.0 - poles)[:, None] * (gained + forced)  # what it is where nothing reads the speed
+        paces = None if pace is None else pace.take(self.steps, axis=1)
+        speeds = np.empty_like(drive)
+        for step in range(len(self.steps)):
             if reading:
                 now = {name: column[step] for name, column in signals.items()}
-                gain, load = gained[:, at], forced[:, at]
+                gain, load = gained[:, step], forced[:, step]
                 for i in reading:
                     if i in loads:
                         phi, memory[i] = stacked[i].step(0.0, speed, now, memory[i], self.period_s)
@@ -258,11 +266,11 @@ class Scene:
                 fresh = poles * speed + (1.0 - poles) * (gain + load)
                 fresh = np.clip(fresh, -RAN_AWAY_MPS, RAN_AWAY_MPS)  # further on there is no number any more
             else:
-                fresh = poles * speed + drive[:, at]
-            speed = fresh if pace is None else speed + pace[:, at] * (fresh - speed)
-            shown = self.shown[step]
-            if shown.any():
-                result[:, at[shown]] = speed[:, shown]
+                fresh = poles * speed + drive[:, step]
+            speed = fresh if paces is None else speed + paces[:, step] * (fresh - speed)
+            speeds[:, step] = speed
+        result = speeds.reshape(len(batch), -1).take(self._place, axis=1)
+        result[:, ~self.judged] = np.nan
         return result
 
     def errors(self, batch: Sequence[Explanation]) -> np.ndarray:
@@ -277,6 +285,11 @@ def _stacked(effects: Sequence[Effect]) -> Effect:
         return effects[0]
     shape = {name: np.array([getattr(effect, name) for effect in effects])[:, None] for name in effects[0].parameters}
     return effects[0].reshaped(**shape)
+
+
+def _bytes(made: Any) -> int:
+    """Size of arrays, however they are nested."""
+    return sum(map(_bytes, made)) if isinstance(made, list | tuple) else getattr(made, "nbytes", 0)
 
 
 def _joined(states: Sequence[Any]) -> Any:

@@ -15,7 +15,7 @@ import numpy as np
 
 from cruise.effects import Stage
 from cruise.validation.explanation import Explanation
-from cruise.validation.fitting import Layout, Objective, as_it_is, bounded
+from cruise.validation.fitting import Layout, Objective, bounded
 from cruise.validation.simulation import Scene
 
 NEARLY: Final = 1.2  # times what the best start leaves, to first order, that another may leave
@@ -42,7 +42,7 @@ class Starts:
 
     def __init__(self, scene: Scene, plan: Layout) -> None:
         self.scene, self.plan, self.explanation = scene, plan, plan.start
-        self.error, slopes = Objective(scene, plan, as_it_is).differences(plan.vector)
+        self.error, slopes = Objective(scene, plan).differences(plan.vector)
         self.slopes = slopes * plan.scale
         self.count = max(int(scene.judged.sum()), 1)
         self.before = float(self.error @ self.error) / self.count

@@ -219,7 +219,7 @@ def test_no_number_leaves_its_bounds():
             tried.extend(batch)
             return super().errors(batch)
 
-    found = fit(Spy([one], sorted(one.columns)), plan, lambda errors: errors)
+    found = fit(Spy([one], sorted(one.columns)), plan)
     assert len(tried) > 20
     for each in tried:
         owners = {"core": each.core, **{effect.name: effect for effect in each.effects}}
@@ -279,7 +279,7 @@ def test_no_fit_looks_for_shapes_that_change_nothing():
 def test_the_derivatives_are_those_of_the_errors():
     search = search_of(by_the_model(SCATTERED, 1, 60.0))
     plan = search.plan(SCATTERED)
-    objective = Objective(search.scene, plan, lambda errors: errors)
+    objective = Objective(search.scene, plan)
     vector = plan.vector
     error, slopes = objective.differences(vector)
     judged = search.scene.judged
@@ -296,9 +296,9 @@ def test_the_derivatives_are_those_of_the_errors():
 def test_numbers_at_their_upper_bound_are_differentiated_inwards():
     search = search_of(by_the_model(SCATTERED, 1, 60.0), longest_delay_s=0.33)
     plan = search.plan(SCATTERED)
-    _, slopes = Objective(search.scene, plan, lambda errors: errors).differences(plan.vector)
+    _, slopes = Objective(search.scene, plan).differences(plan.vector)
     wider = search.plan(replace(SCATTERED, structural=frozenset({"transport_delay"})))
     assert (plan.slots[1].high, wider.slots[1].high) == (0.33, 2.0)
-    _, same = Objective(search.scene, wider, lambda errors: errors).differences(wider.vector)
+    _, same = Objective(search.scene, wider).differences(wider.vector)
     assert slopes[:, 1] == pytest.approx(same[:, 1], rel=0.02, abs=0.02 * np.max(np.abs(same[:, 1])))
     assert np.max(np.abs(slopes[:, 1])) > 0.1

@@ -116,13 +116,17 @@ def test_every_fold_has_the_numbers_that_a_fit_without_it_finds():
     left = []
     for fold, vector in enumerate(judged.folds):
 
-        def unheld(errors: np.ndarray, held: np.ndarray = search.blocks % FOLDS == fold) -> np.ndarray:
-            return np.where(held, np.nan, errors)
+        class Unheld(Scene):
+            unseen = search.blocks % FOLDS == fold
 
-        objective = Objective(search.scene, plan, unheld)
+            def errors(self, batch):
+                return np.where(self.unseen, np.nan, super().errors(batch))
+
+        scene = Unheld(search.scene.recordings, list(search.scene.signals))
+        objective = Objective(scene, plan)
         full, step, exact = (
             float(np.sum(objective.residual(one) ** 2))
-            for one in (found.vector, vector, fit(search.scene, plan, unheld, 100, SETTLED).vector)
+            for one in (found.vector, vector, fit(scene, plan, 100, SETTLED).vector)
         )
         assert step < full
         assert step < exact + 0.001 * full

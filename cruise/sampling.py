@@ -213,8 +213,7 @@ def means(
     begins_s, follower = np.maximum(from_s, time_s[0]), np.minimum(began + 1, last)
     at_start = _pieces(time_s, values, begins_s, began, follower, kind, stale_after_s)
     integral, measured_s = (
-        (whole[last] + end) - (whole[began] + start)
-        for whole, end, start in zip(so_far, at_end, at_start, strict=True)
+        (whole[last] + end) - (whole[began] + start) for whole, end, start in zip(so_far, at_end, at_start, strict=True)
     )
     enough = (last >= 0) & (measured_s >= LEAST_MEASURED * (until_s - from_s))
     return np.where(enough, integral / np.where(enough, measured_s, 1.0), NAN)

@@ -10,7 +10,7 @@ least_squares (Branch, Coleman, Li).
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -145,7 +145,7 @@ class Objective:
 
     def __init__(self, scene: Scene, plan: Layout) -> None:
         self.scene, self.plan = scene, plan
-        self._here = lru_cache(REMEMBERED)(self._differences)
+        self._known: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
 
     def errors(self, vectors: Sequence[np.ndarray]) -> np.ndarray:
         """(P, N), raw, NaN where nothing is judged or a signal is missing."""
@@ -155,24 +155,31 @@ class Objective:
         return bounded(self.raw(vector))
 
     def jacobian(self, vector: np.ndarray) -> np.ndarray:
-        return self._here(vector.tobytes())[1]
+        return self._here(vector)[1]
 
     def raw(self, vector: np.ndarray) -> np.ndarray:
         """Error (N,) as it is."""
-        return self._here(vector.tobytes())[0]
+        return self._here(vector)[0]
 
     def differences(self, vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Error (N,) and its derivatives (N, p)."""
         return self.residual(vector), self.jacobian(vector)
 
-    def _differences(self, key: bytes) -> tuple[np.ndarray, np.ndarray]:
-        vector = np.frombuffer(key)
+    def _here(self, vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        key = vector.tobytes()
+        if key not in self._known:
+            if len(self._known) == REMEMBERED:
+                self._known.pop(next(iter(self._known)))
+            self._known[key] = self._differences(vector)
+        return self._known[key]
+
+    def _differences(self, vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         _, high = self.plan.bounds
         size = STEP * self.plan.scale
         step = np.where(vector + size > high, -size, size)
         raw = self.errors([vector, *(vector + np.diag(step))])
         errors = bounded(raw)
-        return raw[0], ((errors[1:] - errors[0]) / step[:, None]).T
+        return raw[0].copy(), ((errors[1:] - errors[0]) / step[:, None]).T
 
 
 def bounded(errors: np.ndarray) -> np.ndarray:
@@ -202,4 +209,10 @@ def fit(
         gtol=1e-9,
         max_nfev=steps,
     )
-    return Fit(plan, found.x, objective.raw(found.x), np.asarray(found.jac), float(2.0 * found.cost / max(scene.judged.sum(), 1)))
+    return Fit(
+        plan,
+        found.x,
+        objective.raw(found.x),
+        np.asarray(found.jac),
+        float(2.0 * found.cost / max(scene.judged.sum(), 1)),
+    )

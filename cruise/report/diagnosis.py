@@ -29,8 +29,8 @@ def sentence(found: Diagnosis) -> str:
         case Verdict.MISSING:
             names, one = _all(found.effects), len(found.effects) == 1
             after = _error(found.final)
-            if found.dead_time is not None:
-                return _changing(found, found.dead_time, sure)
+            if found.left.dead_time is not None:
+                return _changing(found, found.left.dead_time, sure)
             return (
                 f"{names} {'is' if one else 'are'} missing: with {'it' if one else 'them'} the error {horizon} falls "
                 f"from {before} to {after} m/s on data that the fit has not seen {sure}.{_beside(found)}"
@@ -50,8 +50,8 @@ def sentence(found: Diagnosis) -> str:
                 explained = "known effects explain less than half of that" if partly else "no known effect explains it"
                 great = f"is far above the noise of {noise} m/s"
                 what = "that nobody recorded"
-                if not math.isnan(found.swing_s):
-                    great, what = f"swings with a period of {found.swing_s:.1f} s", f"{what} and that swings"
+                if not math.isnan(found.left.swing_s):
+                    great, what = f"swings with a period of {found.left.swing_s:.1f} s", f"{what} and that swings"
                 elif found.momentary:
                     there = in_moments(found.final.fit.error_mps, found.study.period_s)
                     great = f"stands by {100 * there:.0f} % of its square in {100 * FEWEST:.0f} % of the time"
@@ -64,7 +64,7 @@ def sentence(found: Diagnosis) -> str:
                 by = f"most of it by {_all(found.signals)}" if found.signals else "by no one signal"
                 return (
                     f"Something is missing that is none of the effects that cruise knows: the recordings foretell "
-                    f"{figure(math.sqrt(found.hidden.loss))} m/s RMS of the error {horizon}, {before} m/s, with a "
+                    f"{figure(math.sqrt(found.left.hidden.loss))} m/s RMS of the error {horizon}, {before} m/s, with a "
                     f"little of every known effect beside it, {by}{rival} {sure}."
                 )
             if found.unrecorded:

@@ -38,9 +38,9 @@ def report(found: Diagnosis, model: str, structure: str) -> dict[str, Any]:
         "error_before_mps": _number(evidence.error_mps(base)),
         "error_after_mps": _number(evidence.error_mps(final)),
         "foretold": {
-            "share": _number(found.hidden.share),
-            "error_mps": _number(math.sqrt(found.hidden.loss)),
-            "signals": list(found.hidden.signals),
+            "share": _number(found.left.hidden.share),
+            "error_mps": _number(math.sqrt(found.left.hidden.loss)),
+            "signals": list(found.left.hidden.signals),
         },
         "horizon_s": found.study.horizon_s,
         "model": model,
@@ -56,13 +56,13 @@ def report(found: Diagnosis, model: str, structure: str) -> dict[str, Any]:
             if name not in evidence.members(base.explanation) and not name.startswith(UNNAMED)
         },
         "dead_time_s": {"model": found.study.delay_s, "found": _number(final.explanation.core.delay_s)},
-        "dead_time_changes": found.dead_time
+        "dead_time_changes": found.left.dead_time
         and {
-            "early_s": _number(found.dead_time.early_s),
-            "late_s": _number(found.dead_time.late_s),
-            "share": _number(found.dead_time.share),
+            "early_s": _number(found.left.dead_time.early_s),
+            "late_s": _number(found.left.dead_time.late_s),
+            "share": _number(found.left.dead_time.share),
         },
-        "swing_s": _number(found.swing_s),
+        "swing_s": _number(found.left.swing_s),
         "worth_adding": list(found.worth_adding),
         "moved": [
             {

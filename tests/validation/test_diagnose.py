@@ -216,12 +216,12 @@ def test_a_memory_of_the_current_that_no_effect_has_is_unlisted():
     assert not one.untold
     assert not replace(one, signals=()).untold  # foretold by several together, and by none alone
     assert "by no one signal" in sentence(replace(one, signals=()))
-    assert one.hidden.loss > LEAST_FORETOLD * one.base.loss
+    assert one.left.hidden.loss > LEAST_FORETOLD * one.base.loss
 
 
 def test_beside_what_was_found_the_catch_all_finds_little(grade, dead_zone, nothing):
     for one in (grade, dead_zone, nothing):
-        assert one.hidden.loss < 0.5 * LEAST_FORETOLD * one.base.loss or one.hidden.share < CHANCE
+        assert one.left.hidden.loss < 0.5 * LEAST_FORETOLD * one.base.loss or one.left.hidden.share < CHANCE
 
 
 # -- line pressure holds every force
@@ -372,10 +372,10 @@ def test_something_that_swings_at_a_pace_of_its_own_is_said_with_its_period():
     pace = 2.0 * np.pi * DT_S / 8.0 * (1.0 + wander(SAMPLES, DT_S, 5, 0.03, 20.0))
     one = found(load_mps=0.05 * np.sin(np.cumsum(pace)))
     assert (one.verdict, one.effects, one.signals) == (Verdict.UNLISTED, (), ())
-    assert one.swing_s == pytest.approx(8.0, rel=0.06)
+    assert one.left.swing_s == pytest.approx(8.0, rel=0.06)
     assert not one.momentary
-    assert f"once in {one.swing_s:.1f} s" in one.next_experiment
-    assert f"swings with a period of {one.swing_s:.1f} s" in sentence(one)
+    assert f"once in {one.left.swing_s:.1f} s" in one.next_experiment
+    assert f"swings with a period of {one.left.swing_s:.1f} s" in sentence(one)
 
 
 def waiting(current_ma: np.ndarray) -> np.ndarray:
@@ -388,16 +388,16 @@ def test_a_dead_time_that_changes_is_said_with_how_early_and_how_late_the_answer
     one = found(command=waiting)
     assert (one.verdict, one.effects, one.signals) == (Verdict.MISSING, ("transport_delay",), ())
     assert one.confidence > 0.5
-    assert one.dead_time is not None
-    assert one.dead_time.late_s - one.dead_time.early_s == pytest.approx(0.4, abs=0.15)
+    assert one.left.dead_time is not None
+    assert one.left.dead_time.late_s - one.left.dead_time.early_s == pytest.approx(0.4, abs=0.15)
     assert one.worth_adding == ()
     assert not one.explained
     assert "when every command is sent" in one.next_experiment
     assert "`transport_delay` is missing: " in sentence(one)
-    assert f"later ({one.dead_time.late_s:+.2f} s)" in sentence(one)
+    assert f"later ({one.left.dead_time.late_s:+.2f} s)" in sentence(one)
     assert look_alikes(one) == []
     told = report(one, "a.yaml", "arx")
-    late = one.dead_time
+    late = one.left.dead_time
     assert told["dead_time_changes"] == {"early_s": late.early_s, "late_s": late.late_s, "share": late.share}
     assert told["worth_adding"] == []
 
@@ -415,7 +415,7 @@ def test_soil_that_nobody_recorded_is_no_effect():
     assert one.verdict is Verdict.NOTHING
     assert not one.untold
     assert not one.momentary
-    assert np.isnan(one.swing_s)
-    assert one.dead_time is None
+    assert np.isnan(one.left.swing_s)
+    assert one.left.dead_time is None
     told = report(one, "a.yaml", "arx")
     assert (told["swing_s"], told["dead_time_changes"]) == (None, None)

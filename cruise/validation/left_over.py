@@ -1,0 +1,69 @@
+"""What stands in the error that a search leaves: much that is foretold, a dead time that changes, a swing, too much.
+
+Each is asked only where those before it are silent: what the recorded signals foretell has a cause among them, and an
+answer that comes early and late is told from soil before an error that is merely large.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+from cruise.validation.candidates import MEDIATORS, UNNAMED
+from cruise.validation.confidence import excess, untold
+from cruise.validation.dead_time import DeadTime, dead_time
+from cruise.validation.foretold import Foretold, foretold
+from cruise.validation.selection import Selected
+from cruise.validation.study import Study
+from cruise.validation.swing import Swing, swing
+
+DELAY: Final = "transport_delay"
+
+
+@dataclass(frozen=True, eq=False)
+class LeftOver:
+    """What is left beside all that was found."""
+
+    hidden: Foretold  # by the catch-all
+    dead_time: DeadTime | None  # that changes, beside what was found
+    swing: Swing  # at a pace of its own, where nothing was found
+    foretold: float  # over what has to be foretold for something unlisted to be missing
+    untold: float  # what nothing foretells, likewise
+
+    @property
+    def swing_s(self) -> float:
+        """Period of what swings, or NaN."""
+        return self.swing.period_s if self.swing.much > 1.0 else math.nan
+
+    @property
+    def missing(self) -> float:
+        """Above 1 something is missing that no effect explains."""
+        return max(self.foretold, self.untold)
+
+
+def left_over(study: Study, found: Selected) -> LeftOver:
+    """What the search leaves of the error."""
+    hidden = _hidden(study, found)
+    told = excess(hidden, found.steps[0].before, found.final)
+    silent = not (found.curved or found.unrecorded or told > 1.0)
+    late = _late(study, found) if silent else None
+    silent = silent and late is None
+    error_mps, current_ma = found.final.fit.error_mps, study.search.scene.current_ma
+    swings = swing(error_mps, current_ma, study.period_s) if silent and not found.chosen else Swing()
+    alone = max(untold(found, hidden.drift, study.period_s), swings.much) if silent else 0.0
+    return LeftOver(hidden, late, swings, told, alone)
+
+
+def _late(study: Study, found: Selected) -> DeadTime | None:
+    """How the dead time changes beside what was found, if it does and the model's own delay is a constant."""
+    scene, error_mps = study.search.scene, found.final.fit.error_mps
+    late = dead_time(error_mps, scene.speed_mps - error_mps, scene.parts, study.period_s)
+    return late if late.much > 1.0 and DELAY not in found.final.explanation.structural else None
+
+
+def _hidden(study: Study, found: Selected) -> Foretold:
+    """What the catch-all finds beside the final model; nothing where no step looked beside it."""
+    last, final = found.steps[-1], found.final
+    if last.before is not final:  # an unnamed curve, or as many effects as are looked for
+        return Foretold(0.0, 0.0, ())
+    known = [one for one in last.tried if not one.name.startswith(UNNAMED) and one.name not in MEDIATORS]
+    return foretold(study.search.scene, final.fit, [one.judged.fit for one in known], study.search.blocks)

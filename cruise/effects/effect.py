@@ -96,6 +96,7 @@ class Effect(ABC):
     told_by: ClassVar[tuple[str, ...]] = ()  # and the signals that those go by
     spare: ClassVar[str] = ""  # parameter that is looked for only where the effect errs far less with it
     kind: ClassVar[str] = ""  # parameter that says which of two kinds it is: at one end of its bounds or at the other
+    kinds: ClassVar[tuple[Mapping[str, float], ...]] = ()  # shapes from which fits of every kind begin
     about: ClassVar[About]
     acts_as: ClassVar[Stage]  # the stage at whose place in the equation it stands: its own, unless it names another
 

@@ -13,14 +13,13 @@ without position feedback state 3 to 8 % of the range, 25 to 65 mA of 800 mA.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar, Final
+from typing import ClassVar
 
 import numpy as np
 
+from cruise.effects.drag import begins, dragged
 from cruise.effects.effect import About, Effect, Inverse, Parameter, Stage, State, Value, where
 from cruise.signals import Signals
-
-STRETCH: Final = 64  # samples: with 10^4 to 10^5 of them about as many steps as stretches
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +70,8 @@ class Hysteresis(Effect):
     ) -> tuple[Value, State]:
         """The whole recording at once: the shape is looked for in recordings of 10^5 samples."""
         currents_ma = np.array(np.broadcast_to(values, len(past_speeds)), float)
-        held = _dragged(currents_ma, 0.5 * self.width_ma)
+        half_ma = np.where(begins(np.isfinite(currents_ma)), 0.0, 0.5 * self.width_ma)
+        held = dragged(currents_ma - half_ma, currents_ma + half_ma)
         return values + self.share * (held - values), held
 
     def inverse(self, value: float, signals: Signals, state: State) -> Inverse:
@@ -87,33 +87,3 @@ class Hysteresis(Effect):
         else:
             current_ma = value + math.copysign(self.share * half_ma, away_ma)
         return Inverse(current_ma, current_ma)
-
-
-def _dragged(currents_ma: np.ndarray, half_ma: float) -> np.ndarray:
-    """Where the edges of the band leave the play (N,) after every sample; begun anew after a hole.
-
-    Each sample clips what was there before, and clips one after the other are one clip: so the stretches that the
-    recording is cut into are walked side by side, once for the clip that each is, and once from where each begins.
-    """
-    known = np.isfinite(currents_ma)
-    given_ma = np.where(known, currents_ma, 0.0)
-    free_ma = np.where(known & np.concatenate([[False], known[:-1]]), half_ma, 0.0)[: len(known)]
-    low, high = (_side_by_side(edge) for edge in (given_ma - free_ma, given_ma + free_ma))
-    least, most = low[0], high[0]
-    for below, above in zip(low[1:], high[1:], strict=True):
-        least, most = (np.minimum(np.maximum(edge, below), above) for edge in (least, most))
-    stands, begins = 0.0, []
-    for below, above in zip(least.tolist(), most.tolist(), strict=True):
-        begins.append(stands)
-        stands = min(max(stands, below), above)
-    held, place = np.empty_like(low), np.array(begins)
-    for row, below, above in zip(held, low, high, strict=True):
-        place = np.minimum(np.maximum(place, below), above, out=row)
-    return np.where(known, held.T.ravel()[: len(known)], np.nan)
-
-
-def _side_by_side(values: np.ndarray) -> np.ndarray:
-    """Stretches of values (N,) as columns (STRETCH, -1), the last one filled up with zeros."""
-    filled = np.zeros(max(-(-len(values) // STRETCH), 1) * STRETCH)
-    filled[: len(values)] = values
-    return filled.reshape(-1, STRETCH).T.copy()

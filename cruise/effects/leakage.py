@@ -1,45 +1,56 @@
 """Leakage: oil that slips back through the gaps of pump and motor does not turn the wheels.
 
-    phi = -dp / 100 bar (1 + q (|v| / v_0 - 1))
+    phi = -dp / 100 bar P^(e - 1) F(T)^b (1 + q (|v| / v_0 - 1)),   P^2 = (dp^2 + p_0^2) / ((100 bar)^2 + p_0^2)
 
-dp pressure difference of the lines in bar (+ driving forward), the last factor as in `stroke`. Source: laminar leakage
-Q_l = C dp of hydrostatic machines, Merritt, Hydraulic Control Systems, Wiley 1967, chapter 4.
+dp pressure difference of the lines in bar (+ driving forward), e its power: 1/2 through sharp orifices, 1 through
+narrow gaps, more where the pressure widens them; p_0 = 20 bar rounds the root at no pressure. F fluidity of the oil as
+in `oil`, b its power: 1 where all of it is laminar. The last factor is as in `stroke`. Source: leakage of hydrostatic
+machines, Merritt, Hydraulic Control Systems, Wiley 1967, chapters 2 (orifices) and 4 (Q_l = C dp, laminar).
 """
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Final
 
 import numpy as np
 
-from cruise.effects.effect import About, Effect, Stage, State, Value, where
+from cruise.effects.effect import About, Effect, Parameter, Stage, State, Value, where
+from cruise.effects.oil import REFERENCE_C, fluidity
 from cruise.effects.stroke import STROKE_SHARE, factor
 from cruise.signals import OUTPUT, Signals
+
+USUAL_BAR: Final = 100.0  # bar
+ROUND_BAR: Final = 20.0  # bar, p_0
 
 
 @dataclass(frozen=True, slots=True)
 class Leakage(Effect):
-    """phi = -line_pressure_bar / 100 (1 + stroke_share (|v| / 1.5 m/s - 1)), without unit.
+    """phi = -line_pressure_bar / 100 with its size to the power `exponent`, times what thin oil and the stroke add.
 
-    The speed that 100 bar cost is the fitted coefficient.
+    It has no unit; the speed that 100 bar cost is the fitted coefficient.
     """
 
     name = "leakage"
     stage = Stage.LOAD
     needs = ("line_pressure_bar",)
-    helps = (OUTPUT,)
+    helps = (OUTPUT, "oil_temperature_c")
     spare = "stroke_share"
-    parameters: ClassVar = {"stroke_share": STROKE_SHARE}
+    parameters: ClassVar = {
+        "exponent": Parameter("-", 0.5, 1.6, 1.0, "power of the pressure; 0.5 orifices, 1 gaps, more if they widen"),
+        "thinning": Parameter("-", 0.0, 1.0, 0.0, "power of the oil's fluidity; 1 is laminar leakage"),
+        "stroke_share": STROKE_SHARE,
+    }
     about: ClassVar = About(
         physics="Between pistons, valve plates and housings stand gaps of some micrometres, through which oil flows "
-        "from the high to the low pressure line in proportion to the pressure difference. What leaks does not reach "
+        "from the high to the low pressure line in proportion to the pressure difference, or to a power of it near "
+        "one, and the more the thinner the oil is. What leaks does not reach "
         "the motor: the wheels turn slower under load, and faster while the machine is pushed. Where nothing holds the "
         "swash plate, the pressure pushes it back as well, the further the more it is out. The pressure itself "
         "rises with every acceleration and every hill, so that it is a consequence of the motion as well: pressure "
         "that lasts is evidence, its peaks during a step of current are not.",
-        equation="phi = -dp / 100 bar (1 + q (|v| / 1.5 m/s - 1))",
-        source="Merritt, Hydraulic Control Systems, Wiley 1967, chapter 4 (laminar leakage)",
+        equation="phi = -sign(dp) (|dp| / 100 bar)^e exp(b (T - 50 degC) / 33 K) (1 + q (|v| / 1.5 m/s - 1))",
+        source="Merritt, Hydraulic Control Systems, Wiley 1967, chapters 2 and 4 (orifices, laminar leakage)",
         signature="the residual follows minus the line pressure, with the same factor uphill, in deep soil and with a "
         "full bin",
         look_alikes=("grade", "rolling_resistance", "oil_temperature", "crop_load", "engine_droop"),
@@ -48,6 +59,8 @@ class Leakage(Effect):
         "leakage and leaves the others",
     )
 
+    exponent: float = 1.0
+    thinning: float = 0.0
     stroke_share: float = 0.0
 
     def start(self, like: Value) -> State:
@@ -56,7 +69,7 @@ class Leakage(Effect):
 
     def step(self, value: Value, past_speed: Value, signals: Signals, state: State, dt_s: float) -> tuple[Value, State]:
         """The present pressure difference, at the speed that was measured before."""
-        phi = -0.01 * signals["line_pressure_bar"] * factor(self.stroke_share, state)
+        phi = self._leaked(signals) * factor(self.stroke_share, state)
         measured_mps = signals.get(OUTPUT, math.nan)
         return phi, where(measured_mps == measured_mps, measured_mps, state)
 
@@ -68,4 +81,11 @@ class Leakage(Effect):
         if measured_mps is None or not np.isfinite(measured_mps).all():
             return Effect.over(self, values, past_speeds, signals, dt_s)
         before_mps = np.concatenate([[np.nan], measured_mps[:-1]])
-        return -0.01 * signals["line_pressure_bar"] * factor(self.stroke_share, before_mps), measured_mps
+        return self._leaked(signals) * factor(self.stroke_share, before_mps), measured_mps
+
+    def _leaked(self, signals: Signals) -> Value:
+        """phi at the usual stroke."""
+        pressure_bar, oil_c = signals["line_pressure_bar"], signals.get("oil_temperature_c", REFERENCE_C)
+        square = (pressure_bar**2 + ROUND_BAR**2) / (USUAL_BAR**2 + ROUND_BAR**2)
+        thinner = fluidity(where(oil_c == oil_c, oil_c, REFERENCE_C), self.thinning)
+        return -pressure_bar / USUAL_BAR * square ** (0.5 * (self.exponent - 1.0)) * thinner

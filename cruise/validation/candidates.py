@@ -214,12 +214,9 @@ def told_shapes(name: str, recordings: Sequence[Recording]) -> tuple[Shapes, ...
 
 
 def kinds_of(name: str) -> tuple[Shapes, ...]:
-    """The shape that says of which kind an effect is, for each of them: what lies between bends as much else does."""
-    kind = EFFECTS[name].kind if name in EFFECTS else ""
-    if not kind:
-        return ((),)
-    bound = EFFECTS[name].parameters[kind]
-    return ((kind, bound.low),), ((kind, bound.high),)
+    """Shapes of every kind that an effect may be of: what lies between two of them bends as much else does."""
+    kinds = EFFECTS[name].kinds if name in EFFECTS else ()
+    return tuple(tuple(kind.items()) for kind in kinds) or ((),)
 
 
 def _grade(recordings: Sequence[Recording]) -> tuple[Shapes]:
@@ -244,6 +241,17 @@ def _falls(recordings: Sequence[Recording]) -> tuple[Starts, Starts]:
     return paces, tuple((("fall_ma_per_s", rate),) for ((_, rate),) in rates)
 
 
+def _oils(recordings: Sequence[Recording]) -> tuple[Starts, Starts]:
+    """Losses in hot oil, and paces in cold."""
+    losses = tuple(_walked("oil_temperature", share, "pace_exponent") for share in SHARES)
+    return losses, tuple(_walked("oil_temperature", share, "loss_share") for share in SHARES)
+
+
+def _leaks(recordings: Sequence[Recording]) -> tuple[Starts]:
+    """Gaps, orifices, and gaps that the pressure widens, of oil that does not thin."""
+    return (tuple((("exponent", exponent), ("thinning", 0.0)) for exponent in (1.0, 0.6, 1.4)),)
+
+
 def _powers(recordings: Sequence[Recording]) -> tuple[Starts, ...]:
     """Powers that may be taken, and where the engine's load is recorded, loads from which an electronic limit cuts."""
     powers = tuple(_walked("power_limit", share, "onset_pct", "cut_per_pct_s", "release_s") for share in SHARES)
@@ -262,6 +270,8 @@ BEGIN: Final[Mapping[str, Callable[[Sequence[Recording]], tuple[Starts, ...]]]] 
     "rate_limit": _rates,
     "active_braking": _falls,
     "power_limit": _powers,
+    "oil_temperature": _oils,
+    "leakage": _leaks,
 }
 """Effects of which the recordings say where they would act at all: where their fits start."""
 

@@ -1,7 +1,7 @@
-"""What stands in the error that a search leaves: much that is foretold, a dead time that changes, a swing, too much.
+"""What stands in the error that a search leaves: a dead time that changes, much that is foretold, a swing, too much.
 
-Each is asked only where those before it are silent: what the recorded signals foretell has a cause among them, and an
-answer that comes early and late is told from soil before an error that is merely large.
+Each is asked only where those before it are silent. A dead time comes first: what it changes with foretells the error
+as well, and the last two know nothing of what they are.
 """
 
 import math
@@ -12,7 +12,7 @@ from cruise.validation.candidates import MEDIATORS, UNNAMED
 from cruise.validation.confidence import excess, untold
 from cruise.validation.dead_time import DeadTime, dead_time
 from cruise.validation.foretold import Foretold, foretold
-from cruise.validation.selection import Selected
+from cruise.validation.selection import Selected, least_share
 from cruise.validation.study import Study
 from cruise.validation.swing import Swing, swing
 
@@ -43,10 +43,9 @@ class LeftOver:
 def left_over(study: Study, found: Selected) -> LeftOver:
     """What the search leaves of the error."""
     hidden = _hidden(study, found)
-    told = excess(hidden, found.steps[0].before, found.final)
-    silent = not (found.curved or found.unrecorded or told > 1.0)
-    late = _late(study, found) if silent else None
-    silent = silent and late is None
+    late = None if found.curved or found.unrecorded else _late(study, found)
+    told = 0.0 if late is not None else excess(hidden, found.steps[0].before, found.final)
+    silent = not (found.curved or found.unrecorded or told > 1.0) and late is None
     error_mps, current_ma = found.final.fit.error_mps, study.search.scene.current_ma
     swings = swing(error_mps, current_ma, study.period_s) if silent and not found.chosen else Swing()
     alone = max(untold(found, hidden.drift, study.period_s), swings.much) if silent else 0.0
@@ -57,7 +56,12 @@ def _late(study: Study, found: Selected) -> DeadTime | None:
     """How the dead time changes beside what was found, if it does and the model's own delay is a constant."""
     scene, error_mps = study.search.scene, found.final.fit.error_mps
     late = dead_time(error_mps, scene.speed_mps - error_mps, scene.parts, study.period_s)
-    return late if late.much > 1.0 and DELAY not in found.final.explanation.structural else None
+    if late.much <= 1.0 or DELAY in found.final.explanation.structural:
+        return None
+    if found.chosen:  # what was found may change the pace itself, and its form be a little wrong
+        before = found.steps[-2].before.loss if len(found.steps) > 1 else found.steps[0].before.loss
+        return late if late.share * found.final.loss >= least_share(DELAY, found.chosen) * before else None
+    return late
 
 
 def _hidden(study: Study, found: Selected) -> Foretold:

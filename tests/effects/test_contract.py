@@ -13,7 +13,7 @@ from cruise.signals import SIGNALS
 
 SHAPES = {
     "saturation": {"full_stroke_ma": 1100.0, "knee_ma": 40.0},
-    "dead_zone": {"threshold_ma": 350.0, "edge_ma": 20.0, "jump_share": 0.4},
+    "dead_zone": {"threshold_ma": 350.0, "edge_ma": 20.0, "jump_share": 0.4, "release_share": 0.7},
     "quadratic_gain": {"curvature": 0.7, "bend": 0.3},
     "hysteresis": {"width_ma": 60.0, "share": 0.6},
     "rate_limit": {"rate_ma_per_s": 700.0, "lag_s": 0.1, "return_share": 1.7},
@@ -32,7 +32,7 @@ SHAPES = {
         "release_s": 1.0,
     },
     "gear_ratio": {"gear_1_mps": 1.4, "gear_2_mps": 2.5, "gear_3_mps": 4.4, "gear_4_mps": 7.8, "pace_exponent": 1.2},
-    "oil_temperature": {"loss_share": 0.08},
+    "oil_temperature": {"loss_share": 0.08, "pace_exponent": 0.4},
     "speed_droop": {"droop_per_mps": 0.1, "exponent": 1.6},
     "grade": {"mass_share": 0.6, "acceleration_share": 0.5, "filter_s": 1.0, "stroke_share": 0.7},
     "rolling_resistance": {"crossover_mps": 0.3, "rise_per_mps": 0.2, "held_share": 0.3},
@@ -46,7 +46,7 @@ SHAPES = {
         "crossover_mps": 0.1,
     },
     "coulomb_friction": {"crossover_mps": 0.1},
-    "leakage": {"stroke_share": 0.7},
+    "leakage": {"exponent": 0.7, "thinning": 0.6, "stroke_share": 0.7},
     "transport_delay": {"delay_s": 0.3},
     "active_braking": {"braking_pace": 0.6, "fall_ma_per_s": 400.0, "lag_s": 0.3, "time_constant_s": 0.8},
     "resonance": {},

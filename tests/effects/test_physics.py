@@ -15,16 +15,16 @@ from cruise.effects.saturation import GREATEST_MA, Saturation
 
 @pytest.mark.parametrize(("current_ma", "left_ma"), [(0, 0), (300, 0), (350, 0), (400, 50), (-400, -50), (-10, 0)])
 def test_dead_zone(current_ma, left_ma):
-    assert DeadZone(350.0).step(float(current_ma), 0.0, {}, None, 0.2)[0] == pytest.approx(left_ma)
+    assert DeadZone(350.0).step(float(current_ma), 0.0, {}, math.nan, 0.2)[0] == pytest.approx(left_ma)
 
 
 def test_an_edge_as_wide_as_the_zone_leaves_a_zone():
     wide, narrow = DeadZone(100.0, 140.0), DeadZone(100.0, 25.0)
     for current_ma in (20.0, 60.0, 100.0, 300.0):
-        assert wide.step(current_ma, 0.0, {}, None, 0.2) == narrow.step(current_ma, 0.0, {}, None, 0.2)
-    assert wide.step(50.0, 0.0, {}, None, 0.2)[0] < 0.03 * 100.0
+        assert wide.step(current_ma, 0.0, {}, math.nan, 0.2) == narrow.step(current_ma, 0.0, {}, math.nan, 0.2)
+    assert wide.step(50.0, 0.0, {}, math.nan, 0.2)[0] < 0.03 * 100.0
     assert wide.inverse(40.0, {}, None) == narrow.inverse(40.0, {}, None)
-    assert DeadZone(1.0, 140.0).step(5.0, 0.0, {}, None, 0.2)[0] == 4.0  # no room for an edge at all
+    assert DeadZone(1.0, 140.0).step(5.0, 0.0, {}, math.nan, 0.2)[0] == 4.0  # no room for an edge at all
 
 
 def test_quadratic_gain():

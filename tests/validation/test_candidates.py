@@ -200,7 +200,9 @@ def test_every_start_of_an_effect_lies_in_its_bounds_away_from_neutral(name):
         assert len(start.loads) == len(start.at(Stage.LOAD))
     if name in ("dead_zone", "saturation", "hysteresis", "quadratic_gain"):
         (shape,) = [
-            key for key in EFFECTS[name].parameters if key not in ("edge_ma", "knee_ma", "bend", "share", "jump_share")
+            key
+            for key in EFFECTS[name].parameters
+            if key not in ("edge_ma", "knee_ma", "bend", "share", "jump_share", "release_share")
         ]
         values = [getattr(start.effects[0], shape) for start in starts]
         neutral = EFFECTS[name].parameters[shape].neutral

@@ -1,21 +1,24 @@
 """Crop load: threshing takes torque from the engine that the drive then lacks.
 
-    phi_k = -(load - l_0 - r |y| - q |y| dy/dt - k (dp - p_0) |y|) / 100 % x_k,   x_k = clip(h x_(k-1) + y / y_c, -1, 1)
+    phi_k = -c |c / c_0|^(p - 1) x_k,   x_k = clip(h x_(k-1) + y / y_c, -1, 1)
+    c = (load - l_0 - r |y| - q |y| dy/dt - k (dp - p_0) |y|) / 100 %
 
-load engine torque in percent of the torque available at this speed, y ground speed in m/s; l_0 in % is what engine,
-drum and fans take while nothing is cut, r in % per m/s and q in % per m2/s3 are what of the load the drive itself
-makes, rolling and accelerating, or k in % per bar m/s where the line pressure dp in bar is recorded, which shows soil,
-too; k and p_0, pressure in bar while nothing holds the machine, are told by the signals alone; what is taken so is felt
-through a low-pass of tau in s; x share of the loss that acts, as of any dry resistance (coulomb_friction), y_c speed in
-m/s at which all of it is there within a sample, h = exp(-T / 0.9 s) its memory: crop holds the machine back whichever
-way it goes and moves none that stands. Source: sections V.B and VI of Coen et al. 2005 ("in field conditions, where the
-engine faces higher loads"); that the loss is proportional to the load is an assumption of this program.
+c share of the engine's torque that crop takes, p power of it that is felt: 1 for a governor that gives way in
+proportion, more for an engine that lugs the more the more it carries, the same at c_0 = 0.3. load engine torque in
+percent of the torque available at this speed, y ground speed in m/s; l_0 in % is what engine, drum and fans take while
+nothing is cut, r in % per m/s and q in % per m2/s3 are what of the load the drive itself makes, rolling and
+accelerating, or k in % per bar m/s where the line pressure dp in bar is recorded, which shows soil, too; k and p_0,
+pressure in bar while nothing holds the machine, are told by the signals alone; what is taken so is felt through a
+low-pass of tau in s; x share of the loss that acts, as of any dry resistance (coulomb_friction), y_c speed in m/s at
+which all of it is there within a sample, h = exp(-T / 0.9 s) its memory: crop holds the machine back whichever way it
+goes and moves none that stands. Source: sections V.B and VI of Coen et al. 2005 ("in field conditions, where the engine
+faces higher loads"); the power of the load is an assumption of this program.
 """
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Final
 
 import numpy as np
 
@@ -23,10 +26,15 @@ from cruise.effects.effect import About, Effect, Parameter, Stage, State, Value,
 from cruise.effects.low_pass import followed, followed_over, share
 from cruise.signals import Signals
 
+USUAL: Final = 0.3  # of the torque, c_0
+
 
 @dataclass(frozen=True, slots=True)
 class CropLoad(Effect):
-    """phi = -(engine_load_pct less idle's and the drive's) / 100, against the motion; its coefficient is in m/s."""
+    """phi = -(engine_load_pct less idle's and the drive's) / 100, or a power of it, against the motion.
+
+    Its coefficient is in m/s.
+    """
 
     name = "crop_load"
     stage = Stage.LOAD
@@ -35,6 +43,7 @@ class CropLoad(Effect):
     reads_speed = True
     instead = ("traction_pct_per_bar_mps", "rest_bar")
     told_by = ("line_pressure_bar",)
+    spare = "exponent"
     parameters: ClassVar = {
         "idle_pct": Parameter("%", 0.0, 60.0, 0.0, "load while nothing is cut: engine, drum and fans by themselves"),
         "rolling_pct_per_mps": Parameter("% per m/s", 0.0, 15.0, 0.0, "load that rolling makes: 15 t and 0.06 are 3.5"),
@@ -45,6 +54,7 @@ class CropLoad(Effect):
         "rest_bar": Parameter("bar", -400.0, 400.0, 0.0, "pressure while nothing holds the machine"),
         "filter_s": Parameter("s", 0.0, 2.0, 0.0, "time constant in which the drive follows the crop"),
         "crossover_mps": Parameter("m/s", 0.01, 0.5, 0.5, "speed at which the loss is there within a sample"),
+        "exponent": Parameter("-", 1.0, 2.5, 1.0, "power of the load that is felt; 1 is in proportion"),
     }
     about: ClassVar = About(
         physics="Header, threshing drum and straw chopper hang on the same engine as the drive. When the crop is dense "
@@ -53,9 +63,9 @@ class CropLoad(Effect):
         "every acceleration and every slope, so that it is a consequence of the motion before it is a cause. Believe "
         "in this effect only where the load changes while current and slope do not. What the crop takes, it takes from "
         "a machine that moves, in reverse too: no load of the engine pushes a standing machine backwards.",
-        equation="phi = -(load - l_0 - r |y| - q |y| dy/dt - k (dp - p_0) |y|) / 100 % x, through a "
-        "low-pass of tau,  x 1 forward, -1 in reverse, fading at rest",
-        source="Coen et al. 2005, sections V.B and VI; the proportionality is an assumption",
+        equation="phi = -c |c / 0.3|^(p - 1) x, through a low-pass of tau,  c = (load - l_0 - r |y| - q |y| dy/dt - "
+        "k (dp - p_0) |y|) / 100 %,  x 1 forward, -1 in reverse, fading at rest",
+        source="Coen et al. 2005, sections V.B and VI; the power is an assumption",
         signature="the residual follows minus the engine load, at constant current too and before the speed has moved",
         look_alikes=("power_limit", "engine_droop", "grade", "leakage"),
         experiment="constant current on level ground at 1 m/s, the threshing unit engaged and disengaged, or half and "
@@ -70,6 +80,7 @@ class CropLoad(Effect):
     rest_bar: float = 0.0
     filter_s: float = 0.0
     crossover_mps: float = 0.2
+    exponent: float = 1.0
 
     def start(self, like: Value) -> State:
         """Speed in m/s two samples ago and the share that is taken, not known yet; the share that acts: none so far."""
@@ -96,10 +107,11 @@ class CropLoad(Effect):
         return -taken * shares, (past_speeds, taken, held)
 
     def _taken(self, past_speed: Value, before_mps: Value, signals: Signals, dt_s: float) -> Value:
-        """Share of the engine's torque that crop takes: the load less what runs empty, rolls and accelerates."""
+        """What is felt of the load less what runs empty, rolls and accelerates."""
         accel_mps2 = (past_speed - where(before_mps == before_mps, before_mps, past_speed)) / dt_s
         more_bar = signals.get("line_pressure_bar", self.rest_bar) - self.rest_bar
         more_bar = where(more_bar == more_bar, more_bar, 0.0)  # NaN: not measured
         pct_per_mps = self.rolling_pct_per_mps + self.traction_pct_per_bar_mps * more_bar
         own_pct = self.idle_pct + abs(past_speed) * (pct_per_mps + self.inertia_pct_per_m2ps3 * accel_mps2)
-        return 0.01 * (signals["engine_load_pct"] - own_pct)
+        taken = 0.01 * (signals["engine_load_pct"] - own_pct)
+        return taken * (abs(taken) / USUAL) ** (self.exponent - 1.0)

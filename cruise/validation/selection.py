@@ -47,7 +47,7 @@ LEAST_DYNAMIC: Final = 0.1  # the same share for two that change the dynamics, w
 LEAST_COMMAND: Final = 0.12  # for what acts on the command beside hysteresis, of which no form is exact, either,
 LEAST_STRUCTURAL: Final = 0.15  # and for one of the core's own structure, beside which something else was found;
 PLAINLY: Final = (12.0, 0.3, 0.1)  # or evidence times gain, where it takes more of both: no wrong form leaves so much
-MOST: Final = 0.5  # of the present loss: what takes more of it, and nearly all that can be explained, may be any share
+MOST: Final = 0.5  # of the present loss: what takes more, and beyond doubt or nearly all there is, may be any share
 LEAST_CURVED: Final = 0.45  # of the loss, that a free curve must explain to have the word,
 PLAINLY_CURVED: Final = (0.3, 180.0, 5.0)  # or so much, with evidence and standard errors that no soil has
 CURVED: Final = (60.0, 0.05)  # evidence, and share of it, by which a free curve must exceed all effects
@@ -175,6 +175,8 @@ def _further(one: Tried, step: Step, before: Judged, chosen: Sequence[str]) -> b
         return False
     if soil_short(one) > 0.0:
         return False
+    if one.gain >= MOST and one.sureness >= ANYHOW and one.counted >= SOME and one.name not in DYNAMICS:
+        return True
     evidence, least, much = PLAINLY
     if one.gain >= least and one.sureness >= SURE and (share >= much or rest):
         return one.counted * one.gain >= evidence

@@ -44,6 +44,7 @@ SHAPES = {
         "rest_bar": 20.0,
         "filter_s": 0.5,
         "crossover_mps": 0.1,
+        "exponent": 1.6,
     },
     "coulomb_friction": {"crossover_mps": 0.1},
     "leakage": {"exponent": 0.7, "thinning": 0.6, "stroke_share": 0.7},

@@ -8,11 +8,12 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
+from cruise.effects import Effect
 from cruise.validation.candidates import MEDIATORS, UNNAMED
 from cruise.validation.confidence import excess, untold
 from cruise.validation.dead_time import DeadTime, dead_time
 from cruise.validation.foretold import Foretold, foretold
-from cruise.validation.selection import Selected, least_share
+from cruise.validation.selection import LEAST_DYNAMIC, LEAST_SHARE, Selected
 from cruise.validation.study import Study
 from cruise.validation.swing import Swing, swing
 
@@ -58,10 +59,12 @@ def _late(study: Study, found: Selected) -> DeadTime | None:
     late = dead_time(error_mps, scene.speed_mps - error_mps, scene.parts, study.period_s)
     if late.much <= 1.0 or DELAY in found.final.explanation.structural:
         return None
-    if found.chosen:  # what was found may change the pace itself, and its form be a little wrong
-        before = found.steps[-2].before.loss if len(found.steps) > 1 else found.steps[0].before.loss
-        return late if late.share * found.final.loss >= least_share(DELAY, found.chosen) * before else None
-    return late
+    if not found.chosen:
+        return late
+    paced = any(type(one).pace is not Effect.pace for one in found.final.explanation.effects)
+    least = LEAST_DYNAMIC if paced else LEAST_SHARE  # as of any further effect: no form is exact
+    before = found.steps[-2].before if len(found.steps) > 1 else found.steps[0].before
+    return late if late.share * found.final.loss >= least * before.loss else None
 
 
 def _hidden(study: Study, found: Selected) -> Foretold:

@@ -58,3 +58,9 @@ def test_the_crop_is_felt_through_a_lag():
         _, state = effect.step(0.0, 2.0, {"engine_load_pct": 100.0}, state, 0.2)
     felt, _ = effect.step(0.0, 2.0, {"engine_load_pct": 100.0}, state, 0.2)
     assert felt == pytest.approx(-(1.0 - math.exp(-1.0)))
+
+
+@pytest.mark.parametrize(("load_pct", "felt"), [(30.0, 0.3), (60.0, 1.2), (15.0, 0.075)])
+def test_an_engine_that_lugs_feels_a_power_of_the_load(load_pct, felt):
+    effect = CropLoad(exponent=2.0)
+    assert effect.step(0.0, 2.0, {"engine_load_pct": load_pct}, effect.start(0.0), 0.2)[0] == pytest.approx(-felt)

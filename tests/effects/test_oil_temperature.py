@@ -36,3 +36,15 @@ def test_a_share_of_a_twentieth_loses_as_much_again_for_each_doubling_of_the_lea
 
 def test_no_more_than_all_of_the_flow_leaks():
     assert gain(0.4, 150.0) == 0.0
+
+
+def test_cold_oil_is_slow_and_hot_oil_no_more_than_twice_as_quick():
+    temperature_c = np.array([50.0 - THINNING_K, 50.0, 50.0 + 0.5 * THINNING_K, 150.0])
+    pace = OilTemperature(pace_exponent=1.0).pace({"oil_temperature_c": temperature_c}, None)
+    np.testing.assert_allclose(pace, [math.exp(-1.0), 1.0, math.exp(0.5), 2.0])
+    assert OilTemperature(0.1).pace({"oil_temperature_c": 10.0}, None) == 1.0
+
+
+def test_no_fit_looks_for_a_pace_that_does_not_change():
+    assert OilTemperature(0.1).idle == {"pace_exponent"}
+    assert not OilTemperature(0.0, 0.3).idle

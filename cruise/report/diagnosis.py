@@ -104,11 +104,12 @@ def _changing(found: Diagnosis, one: DeadTime, sure: str) -> str:
     before, after = _error(found.base), _error(found.final)
     first = f"with {_all(others)} the error {horizon} falls from {before} to {after} m/s, and " if others else ""
     share = f"{100 * one.share:.0f} % of the squared error"
+    by = f", as {one.signal} has it" if one.signal else ""
     left = f"{share} that is left" if others else f"{share} {horizon}, {before} m/s,"
     return (
         f"{_all(found.effects)} {'are' if others else 'is'} missing: {first}{left} is that of a drive that answers "
-        f"now earlier ({one.early_s:+.2f} s) and now later ({one.late_s:+.2f} s) than the model. No constant delay is "
-        f"a model of that: adding {_all([delay])} brings little {sure}."
+        f"now earlier ({one.early_s:+.2f} s) and now later ({one.late_s:+.2f} s) than the model{by}. No constant delay "
+        f"is a model of that: adding {_all([delay])} brings little {sure}."
     )
 
 

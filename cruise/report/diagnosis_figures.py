@@ -61,6 +61,7 @@ def report(found: Diagnosis, model: str, structure: str) -> dict[str, Any]:
             "early_s": _number(found.left.dead_time.early_s),
             "late_s": _number(found.left.dead_time.late_s),
             "share": _number(found.left.dead_time.share),
+            "signal": found.left.dead_time.signal or None,
         },
         "swing_s": _number(found.left.swing_s),
         "worth_adding": list(found.worth_adding),

@@ -12,8 +12,9 @@ from cruise.effects import Effect
 from cruise.validation.candidates import MEDIATORS, UNNAMED
 from cruise.validation.confidence import excess, untold
 from cruise.validation.dead_time import DeadTime, dead_time
-from cruise.validation.foretold import Foretold, foretold
+from cruise.validation.foretold import ANSWERS, MOVED, Foretold, foretold
 from cruise.validation.selection import LEAST_DYNAMIC, LEAST_SHARE, Selected
+from cruise.validation.slope import PITCH, SLOPE
 from cruise.validation.study import Study
 from cruise.validation.swing import Swing, swing
 
@@ -56,7 +57,9 @@ def left_over(study: Study, found: Selected) -> LeftOver:
 def _late(study: Study, found: Selected) -> DeadTime | None:
     """How the dead time changes beside what was found, if it does and the model's own delay is a constant."""
     scene, error_mps = study.search.scene, found.final.fit.error_mps
-    late = dead_time(error_mps, scene.speed_mps - error_mps, scene.parts, study.period_s)
+    signals = {name: one for name, one in scene.signals.items() if name not in ANSWERS | MOVED | {PITCH, SLOPE}}
+    blocks = study.search.blocks
+    late = dead_time(error_mps, scene.speed_mps - error_mps, scene.parts, study.period_s, signals, blocks)
     if late.much <= 1.0 or DELAY in found.final.explanation.structural:
         return None
     if not found.chosen:

@@ -101,7 +101,8 @@ def _late(found: Selected, left: LeftOver, places: Sequence[Place]) -> Answer | 
     if left.dead_time is None:
         return None
     margin = min(ENOUGH * (1.0 - 1.0 / left.dead_time.much), _margin(found, left, places) if found.chosen else math.inf)
-    return Answer(Verdict.MISSING, margin, found.final, LATE, (*found.chosen, DELAY))
+    words = _vary((left.dead_time.signal,)) if left.dead_time.signal else LATE
+    return Answer(Verdict.MISSING, margin, found.final, words, (*found.chosen, DELAY))
 
 
 def _nothing(found: Selected, left: LeftOver, places: Sequence[Place]) -> Answer | None:

@@ -42,6 +42,26 @@ def test_a_gain_that_wanders_is_none():
     assert dead_time(gain * SPEED_MPS + noise(1), SPEED_MPS, WHOLE, PERIOD_S).much < 0.5
 
 
+def test_the_signal_that_it_changes_with_is_named_though_it_changes_quickly():
+    quick = wander(COUNT, PERIOD_S, 5, 1.0, 1.5)
+    signals = {"engine_speed_rpm": 2000.0 + 100.0 * quick, "bin_fill_pct": wander(COUNT, PERIOD_S, 6, 10.0, 20.0)}
+    time_s, blocks = PERIOD_S * np.arange(COUNT), np.arange(COUNT) // 100
+    error = np.interp(time_s - 0.1 * quick, time_s, SPEED_MPS) - SPEED_MPS + noise(1)
+    assert dead_time(error, SPEED_MPS, WHOLE, PERIOD_S).much < 1.0
+    found = dead_time(error, SPEED_MPS, WHOLE, PERIOD_S, signals, blocks)
+    assert found.signal == "engine_speed_rpm"
+    assert found.much > 2.0
+    assert -0.25 < found.early_s < -0.1 < 0.1 < found.late_s < 0.25
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_no_signal_is_named_where_the_dead_time_is_one(seed):
+    signals = {str(i): wander(COUNT, PERIOD_S, 10 * seed + i, 1.0, 1.0 + 10.0 * i) for i in range(6)}
+    soil = wander(COUNT, PERIOD_S, seed, 0.05, 5.0)
+    found = dead_time(soil + noise(seed), SPEED_MPS, WHOLE, PERIOD_S, signals, np.arange(COUNT) // 100)
+    assert (found.signal, found.much < 0.5) == ("", True)
+
+
 def test_little_of_it_is_not_worth_a_word():
     assert dead_time(late(-0.02, 0.02, 40.0) + noise(1), SPEED_MPS, WHOLE, PERIOD_S).much < 1.0
 

@@ -399,7 +399,12 @@ def test_a_dead_time_that_changes_is_said_with_how_early_and_how_late_the_answer
     assert look_alikes(one) == []
     told = report(one, "a.yaml", "arx")
     late = one.left.dead_time
-    assert told["dead_time_changes"] == {"early_s": late.early_s, "late_s": late.late_s, "share": late.share}
+    assert told["dead_time_changes"] == {
+        "early_s": late.early_s,
+        "late_s": late.late_s,
+        "share": late.share,
+        "signal": None,
+    }
     assert told["worth_adding"] == []
 
 
@@ -417,6 +422,10 @@ def test_a_dead_time_that_changes_with_a_signal_is_one_though_the_signal_foretel
     one = diagnose(study([drive(SECONDS, 4, DT_S, 0.02, columns=columns, command=waiting)], STRUCTURE, None, PERIOD_S))
     assert (one.verdict, one.effects) == (Verdict.MISSING, ("transport_delay",))
     assert one.left.foretold == 0.0
+    assert one.left.dead_time is not None
+    assert one.left.dead_time.signal == "bus_load_pct"
+    assert one.next_experiment.startswith("hold everything else and move bus_load_pct")
+    assert "than the model, as bus_load_pct has it" in sentence(one)
 
 
 def test_a_drive_that_cold_oil_slows_down_is_told_by_the_oil():

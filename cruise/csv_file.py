@@ -12,7 +12,8 @@ from typing import Final
 
 import numpy as np
 
-from cruise.recording import TIME, Recording, RecordingError, RecordingSettings, column_of, listed, tabulated
+from cruise.columns import TIME, RecordingSettings, column_of, tabulated
+from cruise.recording import Recording, RecordingError, listed
 from cruise.sampling import FloatArray
 
 STAMP: Final = re.compile(

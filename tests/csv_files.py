@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from cruise.recording import RecordingSettings
+from cruise.columns import RecordingSettings
 
 PLAIN = RecordingSettings()
 

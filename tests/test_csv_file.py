@@ -9,8 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from cruise.columns import ColumnSettings, RecordingSettings
 from cruise.csv_file import read_csv, write_csv
-from cruise.recording import ColumnSettings, Recording, RecordingError, RecordingSettings
+from cruise.recording import Recording, RecordingError
 from cruise.signals import INPUT, OUTPUT
 from tests.csv_files import PLAIN, csv_of, file_of, ramp
 

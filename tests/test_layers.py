@@ -16,6 +16,7 @@ ROWS = (
     "sampling",
     "grid",
     "recording",
+    "columns",
     "csv_file",
     "effects",
     "model",

@@ -4,8 +4,9 @@ import msgspec
 import numpy as np
 import pytest
 
+from cruise.columns import ActiveWhen, ColumnSettings, RecordingSettings
 from cruise.csv_file import read_csv
-from cruise.recording import ActiveWhen, ColumnSettings, RecordingError, RecordingSettings
+from cruise.recording import RecordingError
 from cruise.signals import INPUT, OUTPUT
 from tests.csv_files import PLAIN, csv_of, ramp
 

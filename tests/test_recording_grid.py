@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from cruise.columns import ActiveWhen, RecordingSettings, arranged
 from cruise.csv_file import read_csv
-from cruise.recording import ActiveWhen, Readings, Recording, RecordingError, RecordingSettings, arranged, resample
+from cruise.recording import Readings, Recording, RecordingError, resample
 from cruise.sampling import Kind, means
 from cruise.signals import INPUT, OUTPUT
 from tests.csv_files import PLAIN, csv_of, ramp

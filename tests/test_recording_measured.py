@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from cruise.columns import ActiveWhen, RecordingSettings
 from cruise.csv_file import read_csv
-from cruise.recording import ActiveWhen, RecordingSettings
 
 DART = RecordingSettings(
     time="elapsed time sensors",

@@ -1,5 +1,4 @@
-"""Oil temperature: hot oil is thin and leaks back through pump and motor, so that less of the flow moves the machine;
-cold oil is thick, and passes the orifices of the servo slowly.
+"""Oil temperature: hot oil is thin and leaks back through pump and motor, cold oil is thick and slows the servo down.
 
     g(T) = max(0, 1 - lambda (exp((T - 50 degC) / 33 K) - 1))        alpha(T) = min(exp(e (T - 50 degC) / 33 K), 2)
 

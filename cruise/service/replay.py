@@ -15,9 +15,10 @@ import numpy as np
 from cruise.can.codec import Codec
 from cruise.can.frame import Frame
 from cruise.can.messages import FAST_MESSAGE
+from cruise.columns import RecordingSettings
 from cruise.identification.least_squares import fit
 from cruise.identification.shapes import ahead_rms_mps
-from cruise.recording import Recording, RecordingError, RecordingSettings
+from cruise.recording import Recording, RecordingError
 from cruise.service.combine_node import MESSAGES
 from cruise.service.cruise_node import CruiseNode
 from cruise.service.recordings import frames_of_log, is_log, read_table

@@ -66,7 +66,7 @@ def _late(study: Study, found: Selected) -> DeadTime | None:
         return late
     paced = any(type(one).pace is not Effect.pace for one in found.final.explanation.effects)
     least = LEAST_DYNAMIC if paced else LEAST_SHARE  # as of any further effect: no form is exact
-    before = found.steps[-2].before if len(found.steps) > 1 else found.steps[0].before
+    before = found.steps[-2:][0].before  # without the effect that was found last
     return late if late.share * found.final.loss >= least * before.loss else None
 
 

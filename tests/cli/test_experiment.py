@@ -12,8 +12,8 @@ from cruise.can.bus import Bus, Sent
 from cruise.can.frame import Frame
 from cruise.cli import experiment as verb
 from cruise.cli.places import CONFIG
+from cruise.columns import RecordingSettings
 from cruise.csv_file import read_csv
-from cruise.recording import RecordingSettings
 from cruise.service.operator_node import OperatorNode
 from cruise.settings import SettingsError
 from tests.service.drive import codec

@@ -10,8 +10,8 @@ import pytest
 from cruise import settings as strict
 from cruise.can.bus import open_bus
 from cruise.cli.places import CONFIG
+from cruise.columns import RecordingSettings
 from cruise.plant import PlantSettings
-from cruise.recording import RecordingSettings
 from cruise.service import course, demo, replay
 from cruise.service.cruise_node import CruiseNode
 from cruise.service.loop import serve

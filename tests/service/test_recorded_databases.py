@@ -6,7 +6,8 @@ import pytest
 from cruise.can.codec import Codec
 from cruise.can.frame import Frame
 from cruise.can.settings import CanSettings, SourceAddresses
-from cruise.recording import ActiveWhen, ColumnSettings, RecordingError
+from cruise.columns import ActiveWhen, ColumnSettings
+from cruise.recording import RecordingError
 from cruise.service.recordings import ReadingSettings, read_recording
 from cruise.settings import SettingsError
 from cruise.signals import OUTPUT, SIGNALS

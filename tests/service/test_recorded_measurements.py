@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from asammdf import MDF, Signal
 
-from cruise.recording import ColumnSettings, RecordingError
+from cruise.columns import ColumnSettings
+from cruise.recording import RecordingError
 from cruise.service.recordings import ReadingSettings, is_log, measurement, read_recording
 from cruise.signals import INPUT, OUTPUT
 from tests.service.logs import BY_DBC, DBC, STEP_S, assert_is_the_drive, current_ma, drive, logged, speed_mps

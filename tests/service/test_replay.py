@@ -4,7 +4,7 @@ import pytest
 
 from cruise import settings
 from cruise.cli.places import CONFIG
-from cruise.recording import RecordingSettings
+from cruise.columns import RecordingSettings
 from cruise.service import replay
 from cruise.service import settings as service_settings
 

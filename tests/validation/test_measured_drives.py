@@ -5,9 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cruise.columns import RecordingSettings
 from cruise.csv_file import read_csv
 from cruise.identification.structures import parse
-from cruise.recording import Recording, RecordingSettings
+from cruise.recording import Recording
 from cruise.settings import load
 from cruise.validation.diagnose import Verdict, diagnose
 from cruise.validation.study import study

@@ -20,7 +20,7 @@ from cruise.can.frame import Frame
 from cruise.can.log import LogWriter
 from cruise.can.settings import CanSettings
 from cruise.cli.places import CONFIG
-from cruise.recording import ColumnSettings
+from cruise.columns import ColumnSettings
 from cruise.service.course import Drive, FieldRow, OperatorRow
 from cruise.service.cruise_node import CruiseNode
 from cruise.service.recordings import ReadingSettings

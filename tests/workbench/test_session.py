@@ -10,10 +10,10 @@ pytest.importorskip("nicegui", reason="the extra workbench is not installed")
 
 from cruise import settings
 from cruise.cli.places import CONFIG
+from cruise.columns import ColumnSettings
 from cruise.effects import Custom, Stage
 from cruise.model import files
 from cruise.model.files import CustomTerm
-from cruise.recording import ColumnSettings
 from cruise.service.recordings import ReadingSettings
 from cruise.workbench import commands, report
 from cruise.workbench.by_hand import changed, judged, settings_of

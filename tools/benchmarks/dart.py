@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 
 from cruise import settings
-from cruise.recording import RecordingSettings
+from cruise.columns import RecordingSettings
 from cruise.service import replay
 from cruise.service import settings as service_settings
 

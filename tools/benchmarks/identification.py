@@ -13,6 +13,7 @@ from time import perf_counter
 import numpy as np
 
 from cruise import settings
+from cruise.columns import RecordingSettings
 from cruise.csv_file import read_csv
 from cruise.identification.accuracy import Accuracy, accuracy, persistence
 from cruise.identification.armax import fit_armax
@@ -24,7 +25,7 @@ from cruise.identification.structures import PRESETS, Structure
 from cruise.model import files
 from cruise.model.model import Model
 from cruise.model.prediction import ahead
-from cruise.recording import Recording, RecordingSettings
+from cruise.recording import Recording
 
 from .dart import DATA
 from .figures import Figure, Part

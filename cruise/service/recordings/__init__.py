@@ -13,8 +13,9 @@ signals' of the DBC file.
 from pathlib import Path
 from typing import Final
 
+from cruise.columns import RecordingSettings
 from cruise.csv_file import read_csv
-from cruise.recording import Recording, RecordingError, RecordingSettings
+from cruise.recording import Recording, RecordingError
 from cruise.service.recordings.bus_log import frames_of_log, read_bus_log
 from cruise.service.recordings.measurement import has_channels, read_measurement
 from cruise.service.recordings.parquet import read_parquet

@@ -20,7 +20,8 @@ from cruise.can.decoder import Decoder
 from cruise.can.frame import Frame, FrameFault
 from cruise.can.log import read_log
 from cruise.can.messages import FAST_MESSAGE
-from cruise.recording import Readings, Recording, RecordingError, RecordingSettings, arranged
+from cruise.columns import RecordingSettings, arranged
+from cruise.recording import Readings, Recording, RecordingError
 from cruise.service.recordings.settings import ReadingSettings
 from cruise.signals import INPUT, SIGNALS
 

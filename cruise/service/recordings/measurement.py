@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from cruise.recording import Readings, Recording, RecordingError, RecordingSettings, arranged
+from cruise.columns import RecordingSettings, arranged
+from cruise.recording import Readings, Recording, RecordingError
 from cruise.signals import SIGNALS
 
 if TYPE_CHECKING:

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from cruise.columns import RecordingSettings, tabulated
 from cruise.csv_file import numbers
-from cruise.recording import Recording, RecordingError, RecordingSettings, tabulated
+from cruise.recording import Recording, RecordingError
 from cruise.sampling import FloatArray
 
 if TYPE_CHECKING:

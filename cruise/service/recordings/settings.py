@@ -1,7 +1,7 @@
 """How recordings of every kind are read: the columns of any, and by what the frames of a log are decoded."""
 
 from cruise.can.settings import CanSettings
-from cruise.recording import RecordingSettings
+from cruise.columns import RecordingSettings
 
 
 class ReadingSettings(RecordingSettings, frozen=True, kw_only=True, forbid_unknown_fields=True):

@@ -6,7 +6,7 @@ from typing import Any, Final
 from msgspec.structs import replace
 from nicegui import ui
 
-from cruise.recording import ColumnSettings
+from cruise.columns import ColumnSettings
 from cruise.service.recordings import TABLES, ReadingSettings
 from cruise.signals import INPUT, OUTPUT, SIGNALS
 from cruise.workbench.found import Asked, Source

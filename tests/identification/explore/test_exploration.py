@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cruise import settings as files
+from cruise.columns import RecordingSettings
 from cruise.csv_file import read_csv
 from cruise.identification.explore import (
     ANALYSES,
@@ -20,7 +21,7 @@ from cruise.identification.explore import (
     explore,
 )
 from cruise.plant import Combine, Inputs, PlantSettings, SensorReading
-from cruise.recording import Recording, RecordingError, RecordingSettings
+from cruise.recording import Recording, RecordingError
 from cruise.sampling import SamplingSettings, StreamSampler
 from cruise.signals import INPUT, OUTPUT
 from tests.identification.explore.drives import DT_S, recording, steps, up_and_down, white

@@ -1,0 +1,268 @@
+"""What the columns of a file mean: which of them are time, input and output, names, units, and what can't be used.
+
+A table has a time column and one column a signal. Where every signal comes at times of its own, as on a bus, `arranged`
+follows the same rules.
+"""
+
+import difflib
+from collections.abc import Callable, Collection, Mapping
+from typing import Final
+
+import msgspec
+import numpy as np
+import numpy.typing as npt
+
+from cruise.grid import typical_step
+from cruise.recording import MIN_SAMPLES, Readings, Recording, RecordingError, listed, on_grid
+from cruise.sampling import FloatArray, stale_after
+from cruise.signals import INPUT, OUTPUT
+
+TIME: Final = "time_s"
+MAX_STEP_S: Final = 3.0  # no prediction that is judged 3 s ahead can be made from rarer readings
+MAX_GAP_NOTES: Final = 5
+FULL_MA: Final = 1000.0  # mA, what an input that is a share of all is taken to be of
+SHARES: Final = ((1.5, "a share of all", FULL_MA), (150.0, "per cent", 0.01 * FULL_MA))
+"""The largest input that is none in mA, what it is, and mA per unit of it: no pump's servo moves below 150 mA."""
+
+
+class ColumnSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What one column of a file means: signal value = scale * cell + offset."""
+
+    signal: str | None = None  # the signal's name in this project; default: the column's own name
+    scale: float = 1.0  # in the signal's unit per unit of the cell, e.g. 0.001 for mm/s, 0.277778 for km/h
+    offset: float = 0.0  # in the signal's unit
+
+
+class ActiveWhen(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The input acts only while the cell of `column` is above `above` (both in the file's unit), and is 0 otherwise."""
+
+    column: str
+    above: float = 0.5  # the middle of a 0/1 flag
+
+
+class RecordingSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Which columns of a file are what; names are the file's own, or what `columns` calls them."""
+
+    time: str = TIME  # of tables; logs and measurements have stamps of their own
+    input: str = INPUT
+    output: str = OUTPUT
+    columns: dict[str, ColumnSettings] = {}
+    active_when: ActiveWhen | None = None
+
+
+def tabulated(
+    source: str,
+    raw: Mapping[str, FloatArray],
+    settings: RecordingSettings,
+    dt_s: float | None,
+    place: Callable[[int], str],
+    header: str,
+    notes: tuple[str, ...] = (),
+) -> Recording:
+    """Return the recording that a table is: `raw` column to cells (N,), NaN where a cell holds no number.
+
+    `place` names a row (from 0), `header` where the columns have their names, for the RecordingError of a table that
+    can't be used.
+    """
+    time, current, speed = _roles(header, raw, settings, (settings.time, settings.input, settings.output))
+    said = list(notes)
+    time_s = _scaled(raw[time], settings.columns.get(time))
+    keep = _usable_rows(source, time_s, place, said)
+    time_s = time_s[keep]
+    columns = {name: Readings(time_s, values[keep]) for name, values in raw.items() if name != time}
+    signals = _signals(source, columns, current, speed, settings, said, ("rows", "cells hold no number, not measured"))
+    if current not in settings.columns:
+        signals[INPUT] = _in_ma(current, signals[INPUT], said)
+    return on_grid(time_s, signals, dt_s, source, tuple(said))
+
+
+def arranged(
+    source: str,
+    columns: Mapping[str, Readings],
+    settings: RecordingSettings,
+    dt_s: float | None,
+    notes: tuple[str, ...] = (),
+) -> Recording:
+    """Return the recording that columns with times of their own are under `settings`, on a grid of `dt_s`.
+
+    The grid follows the readings of the slower one of input and output; their step is the default of `dt_s`. Raises
+    RecordingError for columns that are missing, named twice or empty, and for times that give no grid.
+    """
+    current, speed = _roles(source, columns, settings, (settings.input, settings.output))
+    said = list(notes)
+    columns = {name: _rising(name, readings, said) for name, readings in columns.items()}
+    signals = _signals(source, columns, current, speed, settings, said, ("readings", "values are no measurement"))
+    measured = {name: signals[name].time_s[~np.isnan(signals[name].values)] for name in (INPUT, OUTPUT)}
+    few = min(measured, key=lambda name: len(measured[name]))
+    if len(measured[few]) < MIN_SAMPLES:
+        raise RecordingError(
+            f"{source}: {few} has {len(measured[few])} readings, too few; a recording needs {MIN_SAMPLES} at least"
+        )
+    return on_grid(max(measured.values(), key=typical_step), signals, dt_s, source, tuple(said))
+
+
+def _rising(name: str, readings: Readings, notes: list[str]) -> Readings:
+    """Return the readings that are newer than all before them; of those with one time the last one holds."""
+    time_s = readings.time_s
+    if np.all(np.diff(time_s) > 0.0):
+        return readings
+    newest_s = np.fmax.accumulate(time_s) if len(time_s) else time_s
+    kept = np.flatnonzero(time_s >= newest_s)  # false for a time that is no number
+    kept = kept[np.append(np.diff(time_s[kept]) > 0.0, True)[: len(kept)]]
+    notes.append(f"{name}: {len(time_s) - len(kept)} of {len(time_s)} readings out of order or repeated, left out")
+    return Readings(time_s[kept], readings.values[kept])
+
+
+def _roles(where: str, names: Collection[str], settings: RecordingSettings, wanted: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the columns that are (time,) input and output, each named by itself or by the mapping."""
+    roles = ("time", "input", "output")[-len(wanted) :]
+    found = [column_of(name, names, settings) for name in wanted]
+    for role, name in zip(roles, found, strict=True):
+        _require(role, name, where, names)
+    if len(set(found)) < len(found):
+        raise RecordingError(f"{where}: one column cannot be both input and output, or time; choose three")
+    for role, others in (("columns", settings.columns), ("active_when", _gate_columns(settings))):
+        for name in others:
+            _require(role, name, where, names)
+    return tuple(found)
+
+
+def _signals(
+    source: str,
+    columns: Mapping[str, Readings],
+    current: str,
+    speed: str,
+    settings: RecordingSettings,
+    notes: list[str],
+    words: tuple[str, str],
+) -> dict[str, Readings]:
+    """Return the columns under the names and in the units of this project, the input gated."""
+    of_what, not_measured = words
+    signals: dict[str, Readings] = {}
+    for name, readings in columns.items():
+        signal = INPUT if name == current else OUTPUT if name == speed else _signal_of(name, settings)
+        if signal in signals:
+            raise RecordingError(
+                f"{source}: two columns would be {signal}; one of them is {name!r}; rename one in columns"
+            )
+        missing, count = int(np.isnan(readings.values).sum()), len(readings.values)
+        if missing == count and name not in (current, speed):
+            notes.append(f"{name}: holds no number, left out")
+            continue
+        if missing:
+            notes.append(f"{name}: {missing} of {count} {not_measured}")
+        signals[signal] = Readings(readings.time_s, _scaled(readings.values, settings.columns.get(name)))
+    if settings.active_when is not None:
+        gate = settings.active_when
+        signals[INPUT], off = _gated(signals[INPUT], columns[gate.column], gate.above)
+        all_of_it = f"{len(signals[INPUT].values)} {of_what}"
+        notes.append(f"input set to 0 in {off} of {all_of_it}: {gate.column} is not above {gate.above:g}")
+    for name in (INPUT, OUTPUT):
+        notes.extend(_gap_notes(name, signals[name].time_s[~np.isnan(signals[name].values)]))
+    return signals
+
+
+def _in_ma(name: str, current: Readings, notes: list[str]) -> Readings:
+    """Return an input too small for a pump's current as a share of FULL_MA; where its name says mA, say so only."""
+    known = np.abs(current.values[~np.isnan(current.values)])
+    most = float(np.percentile(known, 99)) if len(known) else 0.0
+    unit, scale = next(((unit, scale) for most_of, unit, scale in SHARES if 0.0 < most <= most_of), ("", 1.0))
+    if not unit:
+        return current
+    small, in_file = f"{name}: {most:.3g} at most, no current in mA moves a machine", "in the file of --columns"
+    if name == INPUT:
+        notes.append(f"{small}; if it is {unit}, columns: {{{name}: {{scale: {scale:g}}}}} {in_file} reads it so")
+        return current
+    notes.append(
+        f"{small}; read as {unit}, all of it as {FULL_MA:g} mA; "
+        f"columns: {{{name}: {{scale: 1}}}} {in_file} takes it as it is"
+    )
+    return Readings(current.time_s, scale * current.values)
+
+
+def column_of(name: str, names: Collection[str], settings: RecordingSettings) -> str:
+    """Return the column that has this name in the file, else the one that the mapping gives it, else the name."""
+    mapped = (column for column, one in settings.columns.items() if one.signal == name and column in names)
+    return name if name in names else next(mapped, name)
+
+
+def _require(role: str, name: str, where: str, names: Collection[str]) -> None:
+    if name in names:
+        return
+    near = difflib.get_close_matches(name, names, n=1)
+    hint = f"did you mean {near[0]!r}? " if near else ""
+    in_file = "in the file of --columns"
+    if role in ("input", "output"):
+        remedy = f"choose with --{role} NAME, or {role}: NAME {in_file}"
+    else:
+        remedy = f"choose with {role}: NAME {in_file}" if role == "time" else f"correct it {in_file}"
+    raise RecordingError(f"{where}: no column {name!r} for {role}; {hint}it has {listed(names)}; {remedy}")
+
+
+def _gate_columns(settings: RecordingSettings) -> list[str]:
+    return [settings.active_when.column] if settings.active_when else []
+
+
+def _signal_of(column: str, settings: RecordingSettings) -> str:
+    """Return the name that a column gets in the recording, where it is neither time nor input nor output."""
+    chosen = settings.columns.get(column, ColumnSettings()).signal
+    name = column if chosen is None else chosen
+    roles = {TIME: settings.time, INPUT: settings.input, OUTPUT: settings.output}
+    # What has the name of the input or output but was not chosen as such stays, under another name.
+    return f"recorded_{name}" if name in roles and (chosen is None or roles[name] != name) else name
+
+
+def _scaled(values: FloatArray, settings: ColumnSettings | None) -> FloatArray:
+    return values if settings is None else settings.scale * values + settings.offset
+
+
+def _usable_rows(
+    source: str, time_s: FloatArray, place: Callable[[int], str], notes: list[str]
+) -> npt.NDArray[np.intp]:
+    """Return the indices of the rows that have a time of their own; raise where time runs backwards."""
+    timed = np.flatnonzero(~np.isnan(time_s))
+    if len(time_s) and not len(timed):
+        raise RecordingError(
+            f"{place(0)}: no row has a time; let the time column hold seconds, or stamps such as 2026-08-01T09:00:00.05"
+        )
+    if len(timed) < len(time_s):
+        notes.append(f"{len(time_s) - len(timed)} rows have no time, left out")
+    steps = np.diff(time_s[timed])
+    if np.any(steps < 0.0):
+        at = int(np.argmax(steps < 0.0))
+        before, after = time_s[timed[at]], time_s[timed[at + 1]]
+        raise RecordingError(
+            f"{place(int(timed[at + 1]))}: time runs backwards, from {before:.10g} s to {after:.10g} s; "
+            "split the file there: each part is a recording of its own"
+        )
+    kept = timed[np.append(steps > 0.0, True)[: len(timed)]]  # of rows with one time, the last one holds
+    if len(kept) < len(timed):
+        notes.append(f"{len(timed) - len(kept)} rows repeat the time of the next one, left out")
+    if len(kept) < MIN_SAMPLES:
+        raise RecordingError(f"{source}: {len(kept)} usable rows are too few; a recording needs {MIN_SAMPLES} at least")
+    step_s = typical_step(time_s[kept])
+    if step_s > MAX_STEP_S:
+        raise RecordingError(
+            f"{source}: one row every {step_s:.4g} s is too few to see a drive move; times in ms get a scale in the "
+            "file of --columns, under the column's own name: columns: {time_s: {scale: 0.001}}"
+        )
+    return kept
+
+
+def _gated(current: Readings, flag: Readings, above: float) -> tuple[Readings, int]:
+    """Return the input, 0 where the flag's last reading is not above its limit and not measured where there is none.
+
+    Beside it how often it is 0 for that.
+    """
+    last = np.searchsorted(flag.time_s, current.time_s, side="right") - 1
+    flags = np.where(last >= 0, flag.values[np.maximum(last, 0)], np.nan)
+    off = flags <= above
+    values = np.where(np.isnan(flags), np.nan, np.where(off, 0.0, current.values))
+    return Readings(current.time_s, values), int(off.sum())
+
+
+def _gap_notes(name: str, time_s: FloatArray) -> list[str]:
+    steps = np.diff(time_s)
+    gaps = np.flatnonzero(steps > stale_after(typical_step(time_s)))
+    notes = [f"{name}: gap of {steps[at]:.3g} s at t={time_s[at]:.10g} s" for at in gaps[:MAX_GAP_NOTES]]
+    return notes + [f"{name}: {len(gaps) - MAX_GAP_NOTES} gaps more"] * (len(gaps) > MAX_GAP_NOTES)

@@ -248,8 +248,8 @@ def _oils(recordings: Sequence[Recording]) -> tuple[Starts, Starts]:
 
 
 def _leaks(recordings: Sequence[Recording]) -> tuple[Starts]:
-    """Gaps, orifices, and gaps that the pressure widens, of oil that does not thin."""
-    return (tuple((("exponent", exponent), ("thinning", 0.0)) for exponent in (1.0, 0.6, 1.4)),)
+    """Gaps, orifices, and gaps that the pressure widens."""
+    return (tuple((("exponent", exponent),) for exponent in (1.0, 0.6, 1.4)),)
 
 
 def _powers(recordings: Sequence[Recording]) -> tuple[Starts, ...]:

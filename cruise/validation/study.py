@@ -146,8 +146,6 @@ def _fixed(effects: Sequence[Effect], recordings: Sequence[Recording]) -> frozen
         unknown.add("gear_ratio.pace_exponent")
     if not all("machine_mass_kg" in one.columns for one in recordings):
         unknown.add("grade.mass_share")
-    if why_not(EFFECTS["oil_temperature"], recordings):
-        unknown.add("leakage.thinning")
     unknown |= {
         f"power_limit.{name}" for name in (BY_SLOPE["power_limit"] if force_of_a_bar(recordings) else ("rest_bar",))
     }

@@ -47,7 +47,7 @@ SHAPES = {
         "exponent": 1.6,
     },
     "coulomb_friction": {"crossover_mps": 0.1},
-    "leakage": {"exponent": 0.7, "thinning": 0.6, "stroke_share": 0.7},
+    "leakage": {"exponent": 0.7, "stroke_share": 0.7},
     "transport_delay": {"delay_s": 0.3},
     "active_braking": {"braking_pace": 0.6, "fall_ma_per_s": 400.0, "lag_s": 0.3, "time_constant_s": 0.8},
     "resonance": {},

@@ -23,17 +23,6 @@ def test_orifices_leak_with_the_root_of_the_pressure_and_gaps_that_widen_with_mo
     assert abs(slow) < 1e-4
 
 
-def test_thin_oil_leaks_more_and_an_unmeasured_one_as_at_50_degrees():
-    effect = Leakage(thinning=1.0)
-    phi = {
-        oil: effect.step(0.0, 1.0, {"line_pressure_bar": 100.0, "oil_temperature_c": oil}, math.nan, 0.2)[0]
-        for oil in (50.0, 83.0, math.nan)
-    }
-    assert phi[83.0] == pytest.approx(math.e * phi[50.0])
-    assert effect.step(0.0, 1.0, {"line_pressure_bar": 100.0}, math.nan, 0.2)[0] == phi[50.0]
-    assert effect.step(0.0, 1.0, {"line_pressure_bar": 100.0, "oil_temperature_c": math.nan}, math.nan, 0.2)[0] == -1.0
-
-
 @pytest.mark.parametrize(
     ("share", "speed_mps", "factor"), [(0.0, 3.0, 1.0), (0.5, 3.0, 1.5), (1.0, -3.0, 2.0), (1.0, 0.75, 0.5)]
 )

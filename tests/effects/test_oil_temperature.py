@@ -5,8 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from cruise.effects.oil import THINNING_K
-from cruise.effects.oil_temperature import OilTemperature
+from cruise.effects.oil_temperature import THINNING_K, OilTemperature
 
 
 def gain(loss_share, temperature_c):

@@ -24,6 +24,7 @@ from cruise.model.core import TAIL, Core
 from cruise.model.model import Model
 from cruise.recording import Recording, resample
 from cruise.signals import INPUT, OUTPUT
+from cruise.validation import simulation
 from cruise.validation.explanation import Explanation
 from cruise.validation.simulation import JUDGED_S, RAN_AWAY_MPS, WARM_UP_S, Scene
 from tests.validation.driving import drive, wander
@@ -218,6 +219,18 @@ def test_side_by_side_is_the_same_as_one_after_the_other():
     assert np.nanmin(np.nanmax(np.abs(np.diff(together, axis=0)), axis=1)) > 0.01
     np.testing.assert_array_equal(scene.simulate(batch[::-1])[::-1], together)
     np.testing.assert_allclose(scene.errors(batch), scene.speed_mps - together)
+
+
+def test_what_is_kept_has_a_size_and_what_is_forgotten_is_made_again(monkeypatch):
+    one = scene_of(recording())
+    batch = [Explanation(replace(CORE, lag_s=lag_s)) for lag_s in (0.1, 0.2, 0.3, 0.4, 0.5)]
+    whole = [one.simulate([each]) for each in batch]
+    monkeypatch.setattr(simulation, "CACHED_BYTES", 3 * one.current_ma.nbytes)
+    small = scene_of(recording())
+    for each, before in zip([*batch, *batch], [*whole, *whole], strict=True):
+        np.testing.assert_array_equal(small.simulate([each]), before)
+        assert small._cached_bytes == sum(map(simulation._bytes, small._cache.values()))
+        assert small._cached_bytes <= simulation.CACHED_BYTES
 
 
 @pytest.mark.parametrize("seconds", [(40.0,), (40.0, 9.2, 3.2, 3.0, 61.4), (2.0, 2.8)])

@@ -63,12 +63,13 @@ def behind(
 
     `direct` is the best of the other causes, `chosen` are those that were found so far.
     """
-    through, margin = _one_by_one(study, present, mediator, direct, not chosen)
+    one = _Against(study, present, mediator, direct, not chosen)
+    through = one.through()
     none_yet = not any(EFFECTS[name].stage is Stage.LOAD for name in chosen)
     if through is Through.RECORDED and none_yet and _has_a_signal_of_its_own(direct.candidate):
         many = _more_than_many(study.search, present, mediator, direct)
-        return (Through.ITSELF, many) if many > 0.0 else (through, margin)
-    return through, margin
+        return (Through.ITSELF, many) if many > 0.0 else (through, 0.0)
+    return through, 0.0 if through is Through.RECORDED else one.margin
 
 
 def _more_than_many(search: Search, present: Judged, mediator: Judged, direct: Judged) -> float:
@@ -97,39 +98,76 @@ def _forces_together(search: Search, present: Judged) -> Judged:
     return present
 
 
-def _one_by_one(study: Study, present: Judged, mediator: Judged, direct: Judged, first: bool) -> tuple[Through, float]:
-    """What stands behind the mediator, held against the best of the other causes alone."""
-    taken, left = present.loss - mediator.loss, mediator.loss / present.loss
-    if left > NOISY:
-        return Through.RECORDED, 0.0
+@dataclass(frozen=True, eq=False)
+class _Against:
+    """The mediator held against the best of the other causes alone; `first` where nothing has been found yet."""
 
-    def told(error_mps: np.ndarray, by: str = "") -> float:
-        part_mps = error_mps - mediator.fit.error_mps
-        return share_told(study.search.scene, present.fit, part_mps, study.search.blocks, by)
+    study: Study
+    present: Judged
+    mediator: Judged
+    direct: Judged
+    first: bool
 
-    pitched = all(PITCH in one.columns for one in study.recordings)  # else any slope is a force that nobody recorded
-    untold = Through.UNRECORDED if pitched else Through.ITSELF
-    instead = (present.loss - direct.loss) / taken
-    lonely = LONELY if left <= UNSEEN else LONELIER
-    margin = max(1.0 - left / MEDIATED, 1.0 - instead / lonely if first else 0.0)
-    if left > MEDIATED and margin > 0.0 and told(present.fit.error_mps) >= TOLD:
-        return Through.ITSELF, margin
-    if left > MEDIATED:
-        return (untold, margin) if margin > 0.0 and left <= UNSEEN else (Through.RECORDED, 0.0)
-    nameless = first and direct.candidate.startswith(UNNAMED)
-    if instead > (NAMELESS if nameless else DIRECT):
-        return Through.RECORDED, 0.0
-    signal = direct.candidate.removeprefix(UNNAMED)
-    if nameless and instead > DIRECT and unknown(signal):  # the curve's form may be wrong
-        least, most = ALONE
-        if told(present.fit.error_mps, signal) >= max(least, most * told(present.fit.error_mps)):
-            return Through.RECORDED, 0.0
-    beyond = max((1.0 - MORE) * direct.loss, BEYOND * present.loss)
-    if direct.loss - mediator.loss > beyond and told(direct.fit.error_mps) >= TOLD_BESIDE:
-        return Through.ITSELF, margin
-    by_force = instead if _has_a_signal_of_its_own(direct.candidate) else 0.0
-    recorded = by_force >= TOLD or told(present.fit.error_mps) >= TOLD
-    return (Through.ITSELF if recorded else untold), margin
+    @property
+    def left(self) -> float:
+        """Share of the present loss that the mediator leaves."""
+        return self.mediator.loss / self.present.loss
+
+    @property
+    def instead(self) -> float:
+        """Share of what the mediator takes away that the direct cause takes away in its place."""
+        return (self.present.loss - self.direct.loss) / (self.present.loss - self.mediator.loss)
+
+    @property
+    def margin(self) -> float:
+        """How far it is from leaving too much, for which less is asked where no other cause explains much."""
+        lonely = LONELY if self.left <= UNSEEN else LONELIER
+        return max(1.0 - self.left / MEDIATED, 1.0 - self.instead / lonely if self.first else 0.0)
+
+    def told(self, error_mps: np.ndarray, by: str = "") -> float:
+        """R^2 that signals foretell of what it takes away from an error, all of them or `by` one."""
+        part_mps, search = error_mps - self.mediator.fit.error_mps, self.study.search
+        return share_told(search.scene, self.present.fit, part_mps, search.blocks, by)
+
+    def through(self) -> Through:
+        """What stands behind the mediator."""
+        if self.left > NOISY:
+            return Through.RECORDED
+        if self.left > MEDIATED:
+            return self._beside_noise()
+        if self._another_cause():
+            return Through.RECORDED
+        beyond = max((1.0 - MORE) * self.direct.loss, BEYOND * self.present.loss)
+        if self.direct.loss - self.mediator.loss > beyond and self.told(self.direct.fit.error_mps) >= TOLD_BESIDE:
+            return Through.ITSELF
+        by_force = self.instead if _has_a_signal_of_its_own(self.direct.candidate) else 0.0
+        recorded = by_force >= TOLD or self.told(self.present.fit.error_mps) >= TOLD
+        return Through.ITSELF if recorded else self._untold()
+
+    def _beside_noise(self) -> Through:
+        """Where noise is most of what it leaves: it has to be lonely."""
+        if self.margin <= 0.0:
+            return Through.RECORDED
+        if self.told(self.present.fit.error_mps) >= TOLD:
+            return Through.ITSELF
+        return self._untold() if self.left <= UNSEEN else Through.RECORDED
+
+    def _another_cause(self) -> bool:
+        """Whether a direct cause, or a curve of a signal that no effect knows, takes enough of its place."""
+        nameless = self.first and self.direct.candidate.startswith(UNNAMED)
+        if self.instead > (NAMELESS if nameless else DIRECT):
+            return True
+        signal = self.direct.candidate.removeprefix(UNNAMED)
+        if not (nameless and self.instead > DIRECT and unknown(signal)):
+            return False
+        least, most = ALONE  # the curve's form may be wrong
+        error_mps = self.present.fit.error_mps
+        return self.told(error_mps, signal) >= max(least, most * self.told(error_mps))
+
+    def _untold(self) -> Through:
+        """Where nothing foretells the force: where no slope is recorded, any slope is such a one."""
+        pitched = all(PITCH in one.columns for one in self.study.recordings)
+        return Through.UNRECORDED if pitched else Through.ITSELF
 
 
 def _has_a_signal_of_its_own(name: str) -> bool:

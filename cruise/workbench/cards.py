@@ -61,6 +61,7 @@ def card(found: Diagnosis, tried: Tried) -> Card:
         sureness=tried.sureness,
         counts=tried.credit,
         chosen=chosen,
+        worth_adding=name in found.worth_adding,
         listed=listed,
         numbers=tuple(_number(one) for one in fitted),
         look_alikes=tuple(alike),

@@ -192,6 +192,7 @@ class Card:
     sureness: float  # standard errors
     counts: float  # share of the evidence that counts: less for what answers to the drive itself
     chosen: bool
+    worth_adding: bool  # with it the model errs less: all that was named, but a dead time that changes
     listed: bool  # an effect of the table, which can be added
     numbers: tuple[Number, ...]
     look_alikes: tuple[str, ...]

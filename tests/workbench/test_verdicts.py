@@ -31,6 +31,14 @@ def late() -> Recording:
     return replace(one, columns=dict(one.columns) | {INPUT: np.append(one.input[4:], np.full(4, one.input[-1]))})
 
 
+def waiting() -> Recording:
+    """A current that comes 0.4 s late for 25 s of every 50."""
+    one = nothing()
+    later = DT_S * np.arange(SAMPLES) % 50.0 < 25.0
+    early = np.append(one.input[4:], np.full(4, one.input[-1]))
+    return replace(one, columns=dict(one.columns) | {INPUT: np.where(later, early, one.input)})
+
+
 def unlisted() -> Recording:
     """A dependence that no effect reads."""
     load_mps = 0.3 * np.cos((HEADER - 300.0) / 60.0)
@@ -74,6 +82,16 @@ def test_a_dead_time_that_the_models_taps_have_to_hold_is_said(visit, tmp_path):
     page = visit()
     assert asked(page, late(), tmp_path) == "nothing"
     page.get_by_text(re.compile(r"The dead time is 0\.\d+ s, and the model's is 0\.5 s")).wait_for()
+    laid_out(page)
+
+
+def test_a_dead_time_that_changes_is_named_and_no_constant_one_is_pressed_on_anybody(visit, tmp_path):
+    page = visit()
+    assert asked(page, waiting(), tmp_path) == "missing"
+    page.get_by_text(re.compile("transport_delay is missing: .* No constant delay is a model of that")).wait_for()
+    page.get_by_text(re.compile("^record when every command is sent")).wait_for()
+    page.get_by_text("No constant delay is a model of one that changes").wait_for()
+    assert "unelevated" not in (page.locator("[data-add=transport_delay]").get_attribute("class") or "")
     laid_out(page)
 
 

@@ -245,8 +245,10 @@ def _card(page: Page, found: Diagnosed, one: Card, place: int) -> None:
                 page.session.add(one.effect)
                 page.go("/add")
 
-            look = "unelevated no-caps" if one.chosen else "outline no-caps"
+            look = "unelevated no-caps" if one.worth_adding else "outline no-caps"
             button = ui.button(f"Add {one.effect}", on_click=add).props(f'{look} data-add="{one.effect}"')
             button.set_enabled(not page.session.busy)
             if not one.chosen and found.verdict != "ambiguous":
                 ui.label("The evidence does not ask for it.").classes("quiet small")
+            elif one.chosen and not one.worth_adding and found.verdict == "missing":
+                ui.label("No constant delay is a model of one that changes: it brings little.").classes("quiet small")

@@ -30,7 +30,7 @@ class SensorBias(Effect):
     acts_as = Stage.LOAD
     needs = ("wheel_speed_mps", OUTPUT)
     parameters: ClassVar = {
-        "filter_s": Parameter("s", 0.2, 30.0, 30.0, "time over which the difference is averaged: how soon it shifts"),
+        "filter_s": Parameter("s", 1.0, 30.0, 30.0, "time over which the difference is averaged: how soon it shifts"),
     }
     about: ClassVar = About(
         physics="A radar that is mounted at another angle than assumed, or a converter with an offset, shows a speed "

@@ -26,6 +26,7 @@ from cruise.validation.slope import PITCH
 from cruise.validation.study import Study
 from cruise.validation.tried import LEAST_GAIN, LOOSE, RESISTANCE, Step, Tried, counted, held_out
 
+OF_BOTH_SPEEDS: Final = frozenset({"wheel_slip", "sensor_bias"})  # read the difference of wheel and ground speed
 OF_THE_SLOPE: Final = 0.3  # of what a grade takes away, that a curve of the slope must take, too: one took 0.8 or more
 SURE_OF_SLIP: Final = 1.5  # standard errors: slip had 0.3 or more in 16 drives of 17, a bias -1.6 or less in 6 of 7
 AS_MUCH: Final = 0.9  # of what the one takes away, that the other must take for it to be the other
@@ -90,7 +91,7 @@ def tried_beside(
         {candidate.name: one for candidate, one in zip(everyone, fits, strict=True)},
         search.disturbance,
         [name for name in named if name not in MEDIATORS],
-        (search.slip_mps, frozenset({"wheel_slip", "sensor_bias"})),
+        (search.slip_mps, OF_BOTH_SPEEDS),
     )
     credit = {one.name: one.credit for one in everyone}
     held = min((one.loss for one in judged if one.candidate in RESISTANCE), default=present.loss)
@@ -107,6 +108,8 @@ def tried_beside(
     if takes_acceleration_for_slope(present, judged):
         credit["grade"] = 0.0
     credit |= dict.fromkeys(taken_for_the_other(search, present, judged), 0.0)
+    if not OF_BOTH_SPEEDS.isdisjoint(chosen):  # what one leaves of the difference that both read is its own form
+        credit |= dict.fromkeys(OF_BOTH_SPEEDS, 0.0)
     alone = [
         Tried(one.candidate, gain(present, one), 0.0, credit[one.candidate], sureness(present, one, rng), one, one)
         for one in judged

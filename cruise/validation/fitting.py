@@ -115,7 +115,10 @@ def layout(start: Explanation, longest_delay_s: float, gain_scale: float, free: 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A fitted explanation with what is needed to judge it: errors (N,) and derivatives (N, p)."""
+    """A fitted explanation with what is needed to judge it: errors (N,) and derivatives (N, p).
+
+    These are kept in single precision, as differences are no more exact: a search holds those of some sixty fits.
+    """
 
     layout: Layout
     vector: np.ndarray
@@ -213,6 +216,6 @@ def fit(
         plan,
         found.x,
         objective.raw(found.x),
-        np.asarray(found.jac),
+        np.asarray(found.jac, np.float32),
         float(2.0 * found.cost / max(scene.judged.sum(), 1)),
     )

@@ -27,7 +27,7 @@ WARM_UP_S: Final = 3.0  # s, the paper's horizon: what a prediction at least has
 JUDGED_S: Final = 6.0  # s; longer costs more steps, shorter more starts
 RAN_AWAY_MPS: Final = 1e3  # m/s, a speed or an error beyond which no more is to be learned
 SAME_TIME: Final = 0.01  # of a period: time stamps that differ by less are one
-CACHED_BYTES: Final = 32_000_000  # of what is kept; what was made first is forgotten first
+CACHED_BYTES: Final = 24_000_000  # of what is kept; what was made first is forgotten first
 
 
 class Raw:
@@ -249,14 +249,15 @@ class Scene:
         signals = {name: self.signals[name][self.steps] for name in needed if name in self.signals}
         speed = np.broadcast_to(self.start_mps, (len(batch), self.steps.shape[1]))
         memory = {i: stacked[i].start(np.zeros(speed.shape)) for i in reading}
-        gained, forced = gained.take(self.steps, axis=1), forced.take(self.steps, axis=1)  # (P, T, S)
-        drive = (1.0 - poles)[:, None] * (gained + forced)  # what it is where nothing reads the speed
         paces = None if pace is None else pace.take(self.steps, axis=1)
-        speeds = np.empty_like(drive)
+        if reading:
+            gains, speeds = gained.take(self.steps, axis=1), forced.take(self.steps, axis=1)  # (P, T, S)
+        else:  # nothing reads the speed: one sum drives it
+            gains, speeds = None, ((1.0 - poles) * (gained + forced)).take(self.steps, axis=1)
         for step in range(len(self.steps)):
-            if reading:
+            if gains is not None:
                 now = {name: column[step] for name, column in signals.items()}
-                gain, load = gained[:, step], forced[:, step]
+                gain, load = gains[:, step], speeds[:, step]
                 for i in reading:
                     if i in loads:
                         phi, memory[i] = stacked[i].step(0.0, speed, now, memory[i], self.period_s)
@@ -266,9 +267,9 @@ class Scene:
                 fresh = poles * speed + (1.0 - poles) * (gain + load)
                 fresh = np.clip(fresh, -RAN_AWAY_MPS, RAN_AWAY_MPS)  # further on there is no number any more
             else:
-                fresh = poles * speed + drive[:, step]
+                fresh = poles * speed + speeds[:, step]
             speed = fresh if paces is None else speed + paces[:, step] * (fresh - speed)
-            speeds[:, step] = speed
+            speeds[:, step] = speed  # in the place of what drove it
         result = speeds.reshape(len(batch), -1).take(self._place, axis=1)
         result[:, ~self.judged] = np.nan
         return result

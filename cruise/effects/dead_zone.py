@@ -42,6 +42,7 @@ SHARP_MA: Final = 0.5  # mA, an edge below which it is a corner
 JUMP_MA: Final = 2.0  # mA, least width of a jump: a fit by differences sees a slope on both sides
 BEYOND: Final = 20.0  # widths beyond the threshold, where everything is through
 EXACT_MA: Final = 1e-8  # mA, of the inverse
+STICKS: Final = 0.0625  # of the threshold, the widest edge of what sticks: it breaks away all at once
 WIDEST: Final = 0.25  # of the threshold: with a wider edge no current is left at which nothing moves
 
 
@@ -52,6 +53,7 @@ class DeadZone(Effect):
     name = "dead_zone"
     stage = Stage.COMMAND
     needs = ()
+    instead = ("release_share",)
     kind = "jump_share"
     kinds = (
         {"jump_share": 0.0, "release_share": 1.0},
@@ -127,7 +129,9 @@ class DeadZone(Effect):
 
     def _opening(self, value: Value, threshold_ma: Value) -> Value:
         """q, how far a detent with this threshold would be open."""
-        width_ma = clip(self.width_ma, JUMP_MA, math.inf)
+        sticks_ma = STICKS * self.threshold_ma
+        widest_ma = where((self.release_share < 1.0) & (sticks_ma < self.width_ma), sticks_ma, self.width_ma)
+        width_ma = clip(widest_ma, JUMP_MA, math.inf)
         return 0.5 * (1.0 + tanh(0.5 * (abs(value) - threshold_ma) / width_ma))
 
     def inverse(self, value: float, signals: Signals, state: State) -> Inverse:

@@ -50,14 +50,14 @@ def ahead_rms_mps(
 def excited_shapes(model: Model, recordings: Sequence[Recording]) -> list[Shape]:
     """The shape parameters that these recordings can say something about: those of effects whose signals move.
 
-    Of which kind an effect is, is left as it is given.
+    Of which kind an effect is, is left as it is given, and so is what is idle.
     """
     return [
         (effect.name, parameter)
         for effect in model.effects
         if all(_moves(name, recordings) for name in effect.needs)
         for parameter in effect.parameters
-        if parameter != effect.kind
+        if parameter != effect.kind and parameter not in effect.idle
     ]
 
 

@@ -9,7 +9,7 @@ u solenoid current in mA, u_0 threshold in mA, s width of its edge in mA, u_0 / 
 open gradually, and where the edge is as wide as the zone there is no zone left but a curved gain. j share of what the
 zone takes that comes back at its edge: 0 for overlap, 1 for a detent, or a valve driver that ignores small commands.
 x how far a detent is open; b of the threshold, at which it closes again: less than 1 for what sticks until it breaks
-away, and for a driver with two limits.
+away, all at once (r is u_0 / 16 at most there), and for a driver with two limits.
 Source: section IV.C and Fig. 4 of Coen et al. 2005 ("a dead zone visible for small and large currents"); proportional
 pump controls of this class start at about a third of full current.
 """

@@ -26,9 +26,7 @@ HALF_S: Final = 10.0  # s of a window before and after,
 GAP_S: Final = 3.0  # s of it left out on either side: errors are like those beside them
 LEAST_MOVED: Final = 0.1  # of the mean square change of speed, lambda
 SHARE: Final = 0.15  # of the squared error: where it changed 0.36 to 0.82 in six drives of seven, else at most 0.03
-BY_SIGNAL: Final = (
-    0.3  # likewise, that a signal tells beyond a constant: 0.69 to 0.88 in three, else at most 0.12 in 60
-)
+BY_SIGNAL: Final = 0.3  # likewise, by a signal, beyond a constant: 0.69 to 0.88 in three, else at most 0.12 in 60
 FOLDS: Final = 5  # of the blocks of time
 NO_BLOCKS: Final = np.zeros(0, dtype=int)
 RANGE_PCT: Final = (5.0, 95.0)  # percentiles between which theta is said to lie, by what the change of speed says of it

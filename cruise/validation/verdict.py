@@ -53,9 +53,9 @@ class Answer:
 
 def answered(found: Selected, left: LeftOver, places: Sequence[Place]) -> Answer:
     """The first answer that holds; `places` say of every effect that was found what would do as well there."""
-    rules = (_unrecorded, _curve, _unlisted, _late, _nothing, _look_alikes)
+    rules = (_unrecorded, _curve, _unlisted, _late, _nothing, _look_alikes, _missing)
     answers = (rule(found, left, places) for rule in rules)
-    return next((one for one in answers if one is not None), None) or _missing(found, left, places)
+    return next(one for one in answers if one is not None)
 
 
 def unlisted(found: Selected, left: LeftOver) -> bool:

@@ -40,13 +40,14 @@ def _reversal(speed_mps: float) -> Course:
 
 
 def _bias() -> Course:
-    """A sensor of ground speed that shows 0.3 m/s more from one moment on."""
-    time_s = _over(90.0)
+    """A sensor of ground speed that shows 0.3 m/s more from one moment on, until the machine stops and after."""
+    time_s = _over(100.0)
     difference_mps = np.where(time_s < 10.0, 0.0, 0.3)
+    wheel_mps = np.where(time_s < 90.0, 1.5, 0.0)
     return Course(
-        "ground speed reads 0.3 m/s more from 10 s on",
-        np.full(len(time_s), 1.5),
-        {OUTPUT: 1.5 + difference_mps, "wheel_speed_mps": np.full(len(time_s), 1.5)},
+        "ground speed reads 0.3 m/s more from 10 s on; the machine stops at 90 s",
+        wheel_mps,
+        {OUTPUT: wheel_mps + difference_mps, "wheel_speed_mps": wheel_mps},
         ("wheel_speed_mps", OUTPUT),
         shows="ground speed - wheel speed (m/s)",
         shown=difference_mps,

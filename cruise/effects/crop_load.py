@@ -43,7 +43,7 @@ class CropLoad(Effect):
     reads_speed = True
     instead = ("traction_pct_per_bar_mps", "rest_bar")
     told_by = ("line_pressure_bar",)
-    spare = "exponent"
+    spare = ("exponent",)
     parameters: ClassVar = {
         "idle_pct": Parameter("%", 0.0, 60.0, 0.0, "load while nothing is cut: engine, drum and fans by themselves"),
         "rolling_pct_per_mps": Parameter("% per m/s", 0.0, 15.0, 0.0, "load that rolling makes: 15 t and 0.06 are 3.5"),

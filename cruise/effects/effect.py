@@ -94,7 +94,7 @@ class Effect(ABC):
     parameters: ClassVar[Mapping[str, Parameter]]
     instead: ClassVar[tuple[str, ...]] = ()  # parameters of another way in which it may act; neutral: nothing,
     told_by: ClassVar[tuple[str, ...]] = ()  # and the signals that those go by
-    spare: ClassVar[str] = ""  # parameter that is looked for only where the effect errs far less with it
+    spare: ClassVar[tuple[str, ...]] = ()  # parameters each looked for only where the effect errs far less with it
     kind: ClassVar[str] = ""  # parameter that says which of two kinds it is: at one end of its bounds or at the other
     kinds: ClassVar[tuple[Mapping[str, float], ...]] = ()  # shapes from which fits of every kind begin
     about: ClassVar[About]
@@ -112,8 +112,7 @@ class Effect(ABC):
     @property
     def idle(self) -> frozenset[str]:
         """Names of shapes that no fit looks for: they change nothing while others are neutral, or are spare, and so."""
-        spared = self.spare and getattr(self, self.spare) == self.parameters[self.spare].neutral
-        return frozenset({self.spare}) if spared else frozenset()
+        return frozenset(name for name in self.spare if getattr(self, name) == self.parameters[name].neutral)
 
     def reshaped(self, **shape: Value) -> Self:
         """The same effect with other shape parameters."""

@@ -1,10 +1,11 @@
 """Grade: on a slope, a part of the machine's weight pulls along the ground.
 
-    phi = -p (1 + s (m / m_0 - 1)) (1 + q (|v| / v_0 - 1))
+    phi = -h(p) p (1 + s (m / m_0 - 1)) (1 + q (|v| / v_0 - 1)),   h = 1 uphill, d downhill
 
 p slope less r times the acceleration, in m/s2 through a low-pass of tau as in `pull`, r what of it the pitch sensor
 takes for slope; m mass in kg (m_0 where it is not measured), m_0 = 15000 kg, s share of the mass; the last factor as in
-`stroke`, v through the same low-pass. Source: equations 2 and 9 and Table VI of Coen et al. 2005: F_G = m g sin(alpha).
+`stroke`, v through the same low-pass; d what a slope does downhill over what it does uphill, where a brake valve holds
+the machine back. Source: equations 2 and 9 and Table VI of Coen et al. 2005: F_G = m g sin(alpha).
 """
 
 from collections.abc import Mapping
@@ -22,29 +23,34 @@ from cruise.signals import OUTPUT, Signals
 
 @dataclass(frozen=True, slots=True)
 class Grade(Effect):
-    """phi = -pull (1 + mass_share (m / 15000 kg - 1)) (1 + stroke_share (|v| / 1.5 m/s - 1)), in m/s2."""
+    """phi = -pull (1 + mass_share (m / 15000 kg - 1)) (1 + stroke_share (|v| / 1.5 m/s - 1)), in m/s2.
+
+    Downhill, downhill_share of it.
+    """
 
     name = "grade"
     stage = Stage.LOAD
     needs = ("pitch_deg",)
     helps = ("machine_mass_kg", OUTPUT)
     brakes_hold = True
-    spare = "stroke_share"
+    spare = ("stroke_share", "downhill_share")
     parameters: ClassVar = {
         "mass_share": Parameter("-", 0.0, 1.0, 0.0, "how far the loss grows with the mass; 1 is in proportion"),
         "acceleration_share": Parameter("-", 0.0, 1.0, 0.0, "how far the sensor takes acceleration for slope"),
         "filter_s": Parameter("s", 0.0, 4.0, 0.0, "time constant through which the slope is seen"),
         "stroke_share": STROKE_SHARE,
+        "downhill_share": Parameter("-", 0.0, 2.0, 1.0, "what a slope does downhill, over what it does uphill"),
     }
     about: ClassVar = About(
         physics="Uphill, the component of the weight along the slope pulls the machine back; downhill it pushes. The "
         "hydrostat answers the force with pressure, and pressure costs speed through leakage and the engine's droop: "
         "the softer the drive, the more of the force shows in the speed, and the more of the mass with it. Where the "
-        "pressure pushes the swash plate back, more is lost at a great stroke than at a small one. A pitch "
-        "sensor reads acceleration as slope (1 m/s2 looks like 5.8 degrees), so that a part of every start and stop "
-        "is in the pitch too: slope that lasts is evidence, pitch during a change of speed is not.",
+        "pressure pushes the swash plate back, more is lost at a great stroke than at a small one; where a valve "
+        "brakes, a slope speeds the machine up less than it slows it down. A pitch sensor reads acceleration as slope "
+        "(1 m/s2 looks like 5.8 degrees), so that a part of every start and stop is in the pitch too: slope that "
+        "lasts is evidence, pitch during a change of speed is not.",
         equation="phi = -(9.81 m/s2 sin(alpha) - r dv/dt) (1 + s (m / 15000 kg - 1)) (1 + q (|v| / 1.5 m/s - 1)), "
-        "through a low-pass of tau",
+        "through a low-pass of tau; d of it downhill",
         source="Coen et al. 2005, equations 2 and 9, Table VI (90 % of the DC gain at +3.3 deg)",
         signature="the residual follows -sin(pitch) slowly, at any speed and current, and changes sign with the "
         "direction of the slope",
@@ -58,6 +64,7 @@ class Grade(Effect):
     acceleration_share: float = 0.0
     filter_s: float = 0.0
     stroke_share: float = 0.0
+    downhill_share: float = 1.0
 
     def start(self, like: Value) -> State:
         """What `pull` remembers: nothing yet."""
@@ -73,6 +80,7 @@ class Grade(Effect):
 
     def _load(self, pull_mps2: Value, mass_kg: Value, speed_mps: Value) -> Value:
         """phi in m/s2."""
+        pull_mps2 = pull_mps2 * where(pull_mps2 < 0.0, self.downhill_share, 1.0)
         return -pull_mps2 * (1.0 + self.mass_share * (mass_kg / EMPTY_KG - 1.0)) * factor(self.stroke_share, speed_mps)
 
     def over(

@@ -34,7 +34,7 @@ class Leakage(Effect):
     stage = Stage.LOAD
     needs = ("line_pressure_bar",)
     helps = (OUTPUT,)
-    spare = "stroke_share"
+    spare = ("stroke_share",)
     parameters: ClassVar = {
         "exponent": Parameter("-", 0.5, 1.6, 1.0, "power of the pressure; 0.5 orifices, 1 gaps, more if they widen"),
         "stroke_share": STROKE_SHARE,

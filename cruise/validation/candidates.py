@@ -110,7 +110,7 @@ class EffectCandidate:
         else:
             known = {}
         shares = SHARES if shapes and self.name != "gear_ratio" else SHARES[:1]
-        walked = [_walked(self.name, share, kind.spare) for share in shares]
+        walked = [_walked(self.name, share, *kind.spare) for share in shares]
         for told in self.told:
             for begun in (one for way in self.begin or (walked,) for one in way):
                 shape = dict(begun) | known | dict(told)

@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from cruise.effects import Stage
+from cruise.effects import Effect, Stage
 from cruise.model import prediction
 from cruise.validation.candidates import Candidate, EffectCandidate, kinds_of, ways_of, without
 from cruise.validation.disturbance import Disturbance, disturbance_of
@@ -41,8 +41,10 @@ SERVO_LAGS_S: Final = (0.05, 0.03)  # likewise, of the lags beside it
 SERVO_GAIN: Final = 0.03  # of the held-out loss, that the pair must take away,
 SERVO_SURE: Final = 2.0  # and by so many standard errors
 SERVO_SEED: Final = 0  # of the bootstrap that says so
-SPARE_BEGINS: Final = 0.5  # of a spare shape's range, where its fit begins,
+SPARE_BEGINS: Final = (0.5, 0.02)  # of the way from a spare shape's neutral value to its far bound: where fits begin,
 SPARED: Final = 0.6  # of the cost, from which an effect is better off with it (0.31 and 0.50; else 0.65 or more),
+NEARER: Final = 0.8  # or so much of it,
+NEAR: Final = 0.35  # where hardly any of it is left above the least that anything left,
 SLIPS: Final = 0.5  # of what it takes, that slip may be at most: a share of the speed is what slip is, too
 AT_BOUND: Final = 0.02  # of a bound, by which a number that wants beyond it is away from it
 
@@ -157,17 +159,27 @@ class Search:
         sure = sureness(present, judged, np.random.default_rng(SERVO_SEED)) >= SERVO_SURE
         return judged if sure and gain(present, judged) >= SERVO_GAIN else present
 
-    def freed(self, found: Fit, name: str) -> Fit:
-        """The fit with the spare shape of an effect, where it errs far less with it, and by more than wheels slip."""
-        effect = next((one for one in found.explanation.effects if one.name == name and one.spare in one.idle), None)
+    def freed(self, found: Fit, name: str, least: float = 0.0) -> Fit:
+        """The fit with the spare shape of an effect with which it errs far less, and by more than wheels slip.
+
+        `least` is the cost that anything left: above it, noise apart, hardly any must be left then.
+        """
+        effect = next((one for one in found.explanation.effects if one.name == name), None)
         if effect is None:
             return found
-        bound = effect.parameters[effect.spare]
-        begun = effect.reshaped(**{effect.spare: bound.low + SPARE_BEGINS * (bound.high - bound.low)})
-        effects = tuple(begun if one is effect else one for one in found.explanation.effects)
-        free = self.fitted(replace(found.explanation, effects=effects))
-        taken = found.mean_square - free.mean_square
-        return free if free.cost < SPARED * found.cost and self.slip_mps**2 < SLIPS * taken else found
+        for spare in effect.spare:
+            bound = effect.parameters[spare]
+            way = max((bound.low, bound.high), key=lambda value: abs(value - bound.neutral)) - bound.neutral
+            begun = [effect.reshaped(**{spare: bound.neutral + share * way}) for share in SPARE_BEGINS]
+            if spare not in effect.idle or spare in begun[0].idle:  # is looked for already, or is nothing by itself
+                continue
+            free = min((self.fitted(_with(found.explanation, one)) for one in begun), key=lambda fit: fit.cost)
+            taken = found.mean_square - free.mean_square
+            near = free.cost < NEARER * found.cost and free.cost - least < NEAR * (found.cost - least)
+            slips = effect.stage is not Stage.SENSOR and self.slip_mps**2 >= SLIPS * taken
+            if (free.cost < SPARED * found.cost or near) and not slips:
+                return free
+        return found
 
     def all_freed(self, present: Judged) -> Judged:
         """The same with the spare shapes of all its effects that are better off with them."""
@@ -292,6 +304,12 @@ class Search:
         known = np.isfinite(error)
         share, *_ = np.linalg.lstsq(everything[known], error[known], rcond=1e-6)
         self.disturbance = disturbance_of(np.where(known, error - everything @ share, np.nan), self.starts)
+
+
+def _with(explanation: Explanation, effect: Effect) -> Explanation:
+    """The same with another shape of one of its effects."""
+    effects = tuple(effect if one.name == effect.name else one for one in explanation.effects)
+    return replace(explanation, effects=effects)
 
 
 def gain(without: Judged, with_it: Judged) -> float:

@@ -268,16 +268,17 @@ def _fitted(
     for i, one in zip(best, side_by_side(again, [(everyone[i], fits[i]) for i in best]), strict=True):
         fits[i] = min(fits[i], one, key=lambda one: one.cost)
     better = [i for i in effects if fits[i].cost < (1.0 - FREED) * present.fit.cost]
+    least = min((one.cost for one in fits), default=0.0)
     for i, one in zip(
-        better, side_by_side(partial(_freed, search), [(everyone[i], fits[i]) for i in better]), strict=True
+        better, side_by_side(partial(_freed, search, least), [(everyone[i], fits[i]) for i in better]), strict=True
     ):
         fits[i] = one
     return fits
 
 
-def _freed(search: Search, found: tuple[Candidate, Fit]) -> Fit:
+def _freed(search: Search, least: float, found: tuple[Candidate, Fit]) -> Fit:
     candidate, fit = found
-    return search.freed(fit, candidate.name)
+    return search.freed(fit, candidate.name, least)
 
 
 def _from_elsewhere(search: Search, present: Judged, begun: tuple[Candidate, Fit]) -> Fit:

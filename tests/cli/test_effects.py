@@ -177,12 +177,14 @@ def test_a_gain_or_load_with_a_memory_is_drawn_in_time(name):
 
 def test_a_bias_is_drawn_as_it_comes_to_be_known():
     (lines,) = drawn_panels("sensor_bias")
-    slow, _, quick = (lines[one.label] for one in effects_picture.curves(ALL["sensor_bias"]))
+    slow, _, quick, shown_at_rest = (lines[one.label] for one in effects_picture.curves(ALL["sensor_bias"]))
     read = lines["ground speed - wheel speed (m/s)"]
     assert (read[0], read[-1], slow[0]) == (0.0, pytest.approx(0.3), 0.0)
     step = int(np.argmax(read > 0.0))
     assert quick[step + 110] == pytest.approx(0.3 * (1.0 - np.exp(-1.0)), rel=0.03)  # its 5.5 s later
     assert slow[step + 110] < 0.6 * quick[step + 110]
+    at_rest = int(np.argmax(COURSES["sensor_bias"].speed_mps == 0.0)) + 1
+    assert quick[at_rest] == pytest.approx(0.5 * shown_at_rest[at_rest], rel=0.05)  # rest_share is half there
 
 
 def test_slip_is_drawn_as_the_load_by_which_the_ground_lags():
@@ -197,11 +199,13 @@ def test_slip_is_drawn_as_the_load_by_which_the_ground_lags():
 
 def test_dry_friction_is_drawn_from_rest_to_rest_and_in_reverse():
     (lines,) = drawn_panels("coulomb_friction")
-    neutral, _, strong = (lines[one.label] for one in effects_picture.curves(ALL["coulomb_friction"]))
-    assert neutral[0] == strong[0] == 0.0
-    assert strong[80] == neutral[80] == -1.0  # 4 s, forward
-    assert -1.0 < strong[160] < -0.2  # 8 s, at rest: what still holds
-    assert strong[-1] == 1.0
+    neutral, _, strong, even, short = (lines[one.label] for one in effects_picture.curves(ALL["coulomb_friction"]))
+    assert neutral[0] == even[0] == 0.0
+    assert even[80] == neutral[80] == -1.0  # 4 s, forward
+    assert -1.0 < even[160] < -0.2  # 8 s, at rest: what still holds
+    assert even[-1] == 1.0
+    assert strong.min() < -1.5  # more of it at a creep, and
+    assert short[80] == pytest.approx(-1.0, abs=1e-3)  # none of that at speed
 
 
 def test_curves_stand_at_neutral_a_quarter_and_half_of_the_way():

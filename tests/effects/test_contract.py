@@ -17,7 +17,7 @@ SHAPES = {
     "quadratic_gain": {"curvature": 0.7, "bend": 0.3},
     "hysteresis": {"width_ma": 60.0, "share": 0.6},
     "rate_limit": {"rate_ma_per_s": 700.0, "lag_s": 0.1, "return_share": 1.7},
-    "engine_speed": {"exponent": 1.0},
+    "engine_speed": {"exponent": 1.0, "full_rpm": 2000.0},
     "engine_droop": {"droop_share": 0.3, "onset_pct": 40.0, "filter_s": 0.6},
     "power_limit": {
         "power_kw": 60.0,
@@ -34,7 +34,13 @@ SHAPES = {
     "gear_ratio": {"gear_1_mps": 1.4, "gear_2_mps": 2.5, "gear_3_mps": 4.4, "gear_4_mps": 7.8, "pace_exponent": 1.2},
     "oil_temperature": {"loss_share": 0.08, "pace_exponent": 0.4},
     "speed_droop": {"droop_per_mps": 0.1, "exponent": 1.6},
-    "grade": {"mass_share": 0.6, "acceleration_share": 0.5, "filter_s": 1.0, "stroke_share": 0.7},
+    "grade": {
+        "mass_share": 0.6,
+        "acceleration_share": 0.5,
+        "filter_s": 1.0,
+        "stroke_share": 0.7,
+        "downhill_share": 0.4,
+    },
     "rolling_resistance": {"crossover_mps": 0.3, "rise_per_mps": 0.2, "held_share": 0.3},
     "crop_load": {
         "idle_pct": 20.0,
@@ -46,12 +52,12 @@ SHAPES = {
         "crossover_mps": 0.1,
         "exponent": 1.6,
     },
-    "coulomb_friction": {"crossover_mps": 0.1},
+    "coulomb_friction": {"crossover_mps": 0.1, "breakaway_share": 0.8, "stribeck_mps": 0.2},
     "leakage": {"exponent": 0.7, "stroke_share": 0.7},
     "transport_delay": {"delay_s": 0.3},
     "active_braking": {"braking_pace": 0.6, "fall_ma_per_s": 400.0, "lag_s": 0.3, "time_constant_s": 0.8},
     "resonance": {},
-    "sensor_bias": {"filter_s": 4.0},
+    "sensor_bias": {"filter_s": 4.0, "rest_share": 0.3},
     "wheel_slip": {"filter_s": 0.4},
 }
 DT_S = 0.2

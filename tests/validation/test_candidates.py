@@ -201,14 +201,14 @@ def test_a_power_limit_may_go_by_the_power_or_by_the_engines_load_each_with_its_
     assert list(alone.grown(BARE)) == list(by_power.grown(BARE))
 
 
-@pytest.mark.parametrize("name", ["grade", "leakage"])
+@pytest.mark.parametrize("name", ["grade", "leakage", "engine_speed", "coulomb_friction", "sensor_bias"])
 def test_a_spare_shape_is_neutral_where_fits_start_and_none_looks_for_it(name):
-    pitch, pressure = wander(SAMPLES, 0.2, 3, 20.0, 3.0), wander(SAMPLES, 0.2, 4, 20.0, 50.0)
-    recording = recorded(pitch_deg=pitch, line_pressure_bar=pressure)
-    starts = [one.effects[0] for one in candidate_of(name, [recording]).grown(BARE)]
+    starts = [one.effects[0] for one in candidate_of(name, [everything()]).grown(BARE)]
     assert starts
-    assert all(one.spare == "stroke_share" and one.spare in one.idle for one in starts)
-    assert not starts[0].reshaped(stroke_share=0.1).idle
+    spare, *_ = starts[0].spare
+    assert all(set(one.spare) <= one.idle for one in starts)
+    bound = starts[0].parameters[spare]
+    assert spare not in starts[0].reshaped(**{spare: 0.5 * (bound.low + bound.high) + 0.1}).idle
 
 
 def test_a_machine_may_brake_at_another_pace_or_no_faster_than_at_a_rate():

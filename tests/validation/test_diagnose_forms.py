@@ -1,14 +1,34 @@
-"""Effects in other forms than the usual one: a detent, oil that slows the servo, a spool that sticks."""
+"""Effects in other forms than the usual one: a detent, oil that slows the servo, a spool that sticks, and more."""
+
+import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 
+from cruise.effects.coulomb_friction import CoulombFriction
 from cruise.effects.dead_zone import DeadZone
+from cruise.effects.engine_speed import EngineSpeed
+from cruise.effects.grade import Grade
 from cruise.effects.oil_temperature import OilTemperature
-from cruise.validation.diagnose import Verdict, diagnose
+from cruise.effects.sensor_bias import SensorBias
+from cruise.recording import Recording
+from cruise.signals import INPUT, OUTPUT
+from cruise.validation.diagnose import Diagnosis, Verdict, diagnose
 from cruise.validation.study import study
 from tests.validation.diagnosing import DT_S, PERIOD_S, PITCH, SAMPLES, SECONDS, STRUCTURE, found
-from tests.validation.driving import drive, wander
+from tests.validation.driving import (
+    DELAY_S,
+    FINE_S,
+    GAIN,
+    GRAVITY_MPS2,
+    LAG_S,
+    VEHICLE_S,
+    drive,
+    lagged,
+    levels,
+    wander,
+)
 
 
 def test_a_detent_is_a_dead_zone_that_gives_all_that_was_asked_for_beyond_it():
@@ -60,3 +80,68 @@ def test_what_sticks_until_it_breaks_away_is_a_dead_zone():
     assert effect.jump_share == 1.0
     assert effect.threshold_ma == pytest.approx(650.0, abs=15.0)
     assert effect.release_share * effect.threshold_ma == pytest.approx(450.0, abs=15.0)
+
+
+def stop_and_go(resists_mps: Callable[[float, float], float]) -> tuple[np.ndarray, np.ndarray]:
+    """Currents (N,) that are zero for half of the time, held for seconds, and true speeds (N,) of what they drive.
+
+    `resists_mps` is what holds the machine back, for what drives it and its speed, all in m/s of steady speed.
+    """
+    current_ma = np.where(levels(SAMPLES, DT_S, 21, 0.0, 1.0) > 0.5, levels(SAMPLES, DT_S, 22, 60.0, 400.0), 0.0)
+    each = round(DT_S / FINE_S)
+    late_ma = np.concatenate([np.zeros(round(DELAY_S / FINE_S)), np.repeat(current_ma, each)])[: SAMPLES * each]
+    speed_mps, speeds_mps = 0.0, []
+    for drive_mps in (GAIN * lagged(late_ma, LAG_S)).tolist():
+        change_mps = FINE_S / VEHICLE_S * (drive_mps - resists_mps(drive_mps, speed_mps) - speed_mps)
+        speed_mps = max(speed_mps + change_mps, 0.0)
+        speeds_mps.append(speed_mps)
+    return current_ma, np.array(speeds_mps)[each - 1 :: each]
+
+
+def shown(current_ma: np.ndarray, speed_mps: np.ndarray, **columns: np.ndarray) -> Diagnosis:
+    noise_mps = 0.01 * np.random.default_rng(23).standard_normal(SAMPLES)
+    held = {INPUT: current_ma, OUTPUT: speed_mps + noise_mps, **columns}
+    one = Recording(DT_S * np.arange(1, SAMPLES + 1), held, DT_S, "stop and go")
+    return diagnose(study([one], STRUCTURE, None, PERIOD_S))
+
+
+def test_a_slope_that_a_valve_holds_downhill_is_a_grade():
+    pull_mps = 0.35 * GRAVITY_MPS2 * np.sin(np.radians(PITCH))
+    one = found(load_mps=-np.maximum(pull_mps, 0.0))
+    assert (one.verdict, one.effects) == (Verdict.MISSING, ("grade",))
+    (effect,) = one.final.explanation.effects
+    assert isinstance(effect, Grade)
+    assert effect.downhill_share == pytest.approx(0.0, abs=0.1)
+
+
+def test_an_engine_that_only_holds_the_drive_back_below_a_speed_is_engine_speed():
+    rpm = 1900.0 + wander(SAMPLES, DT_S, 15, 150.0, 5.0)
+    columns = {"pitch_deg": PITCH, "engine_speed_rpm": rpm}
+    gain = np.minimum(rpm / 1900.0, 1.0)
+    one = diagnose(study([drive(SECONDS, 4, DT_S, 0.01, columns=columns, gain=gain)], STRUCTURE, None, PERIOD_S))
+    assert (one.verdict, one.effects) == (Verdict.MISSING, ("engine_speed",))
+    (effect,) = one.final.explanation.effects
+    assert isinstance(effect, EngineSpeed)
+    assert effect.full_rpm == pytest.approx(1900.0, abs=20.0)
+    assert effect.exponent == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_radar_that_shows_too_much_and_nothing_at_rest_is_biased():
+    current_ma, speed_mps = stop_and_go(lambda drive_mps, speed_mps: 0.0)
+    one = shown(current_ma, speed_mps + 0.3 * np.tanh(speed_mps / 0.15), wheel_speed_mps=speed_mps)
+    assert (one.verdict, one.effects) == (Verdict.MISSING, ("sensor_bias",))
+    (effect,) = one.final.explanation.effects
+    assert isinstance(effect, SensorBias)
+    assert effect.rest_share < 0.2
+
+
+def test_friction_of_which_there_is_more_at_rest_is_dry_friction():
+    def dry(drive_mps: float, speed_mps: float) -> float:
+        return min(0.06 * (1.0 + 1.5 * math.exp(-((speed_mps / 0.12) ** 2))), drive_mps if speed_mps == 0.0 else 1.0)
+
+    one = shown(*stop_and_go(dry))
+    assert (one.verdict, one.effects) == (Verdict.MISSING, ("coulomb_friction",))
+    (effect,) = one.final.explanation.effects
+    assert isinstance(effect, CoulombFriction)
+    assert 0.5 < effect.breakaway_share < 2.5  # 1.5, of which what holds at rest is a part
+    assert effect.stribeck_mps == pytest.approx(0.12, rel=0.5)

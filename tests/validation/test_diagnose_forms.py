@@ -144,4 +144,4 @@ def test_friction_of_which_there_is_more_at_rest_is_dry_friction():
     (effect,) = one.final.explanation.effects
     assert isinstance(effect, CoulombFriction)
     assert 0.5 < effect.breakaway_share < 2.5  # 1.5, of which what holds at rest is a part
-    assert effect.stribeck_mps == pytest.approx(0.12, rel=0.5)
+    assert 0.06 < effect.stribeck_mps < 0.24  # 0.12, likewise

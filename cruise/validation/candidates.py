@@ -30,7 +30,7 @@ from cruise.validation.unnamed import (
 
 SHARES: Final = (0.03, 0.08, 0.18, 0.35, 0.55, 0.8, 0.93)  # of the way from a shape's neutral value to its far bound
 RATES: Final = (0.85, 0.5, 0.3, 0.18, 0.11, 0.065, 0.04)  # of the fastest change of the current
-ONSETS_PCT: Final = (85.0, 92.0, 98.0)  # engine loads from which an electronic limit may cut the stroke,
+ONSETS_PCT: Final = (65.0, 78.0, 88.0, 97.0)  # engine loads from which an electronic limit may cut the stroke,
 CUTS: Final = (0.003, 0.01, 0.03)  # and how fast, per percent and second
 HELD: Final = 0.7  # share of the current that a hysteresis holds back where fits start: it is wide or it is whole
 WIDE: Final = 5.0  # ratio of the bounds from which that way is walked in ratios

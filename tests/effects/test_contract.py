@@ -53,7 +53,7 @@ SHAPES = {
         "exponent": 1.6,
     },
     "coulomb_friction": {"crossover_mps": 0.1, "breakaway_share": 0.8, "stribeck_mps": 0.2},
-    "leakage": {"exponent": 0.7, "stroke_share": 0.7},
+    "leakage": {"exponent": 0.7, "stroke_share": 0.7, "onset_bar": 30.0},
     "transport_delay": {"delay_s": 0.3},
     "active_braking": {"braking_pace": 0.6, "fall_ma_per_s": 400.0, "lag_s": 0.3, "time_constant_s": 0.8},
     "resonance": {},

@@ -1,8 +1,10 @@
 """Line pressure holds every force, recorded or not, and tells them from what acts on the command."""
 
 import numpy as np
+import pytest
 
 from cruise.effects import EFFECTS, Stage
+from cruise.effects.leakage import Leakage
 from cruise.report.diagnosis import sentence
 from cruise.validation.diagnose import Diagnosis, Verdict, diagnose
 from cruise.validation.study import study
@@ -64,6 +66,15 @@ def test_leakage_is_found_beside_what_acts_on_the_command():
     pressure_bar = 120.0 + 15.0 * PITCH + 0.6 * (HEADER - 300.0)
     one = pressed(pressure_bar, -0.002 * (pressure_bar - 120.0), command=bent)
     assert (one.verdict, set(one.effects)) == (Verdict.MISSING, {"leakage", "dead_zone"})
+
+
+def test_a_relief_valve_that_weeps_is_leakage_from_a_pressure_on():
+    pressure_bar = 120.0 + 15.0 * PITCH + 0.6 * (HEADER - 300.0)
+    one = pressed(pressure_bar, -0.004 * np.maximum(pressure_bar - 130.0, 0.0))
+    assert (one.verdict, one.effects) == (Verdict.MISSING, ("leakage",))
+    (effect,) = one.final.explanation.effects
+    assert isinstance(effect, Leakage)
+    assert effect.onset_bar == pytest.approx(130.0, abs=5.0)
 
 
 def test_a_force_that_nobody_recorded_shows_in_the_pressure_and_is_no_leakage():

@@ -167,19 +167,12 @@ class Search:
         effect = next((one for one in found.explanation.effects if one.name == name), None)
         if effect is None:
             return found
-        for spare in effect.spare:
-            bound = effect.parameters[spare]
-            way = max((bound.low, bound.high), key=lambda value: abs(value - bound.neutral)) - bound.neutral
-            begun = [effect.reshaped(**{spare: bound.neutral + share * way}) for share in SPARE_BEGINS]
-            if spare not in effect.idle or spare in begun[0].idle:  # is looked for already, or is nothing by itself
-                continue
-            free = min((self.fitted(_with(found.explanation, one)) for one in begun), key=lambda fit: fit.cost)
-            taken = found.mean_square - free.mean_square
-            near = free.cost < NEARER * found.cost and free.cost - least < NEAR * (found.cost - least)
-            slips = effect.stage is not Stage.SENSOR and self.slip_mps**2 >= SLIPS * taken
-            if (free.cost < SPARED * found.cost or near) and not slips:
-                return free
-        return found
+        begun = [_with(found.explanation, shape) for spare in effect.spare for shape in _without_neutral(effect, spare)]
+        free = min(map(self.fitted, begun), key=lambda fit: fit.cost, default=found)
+        near = free.cost < NEARER * found.cost and free.cost - least < NEAR * (found.cost - least)
+        taken = found.mean_square - free.mean_square
+        slips = effect.stage is not Stage.SENSOR and self.slip_mps**2 >= SLIPS * taken
+        return free if (free.cost < SPARED * found.cost or near) and not slips else found
 
     def all_freed(self, present: Judged) -> Judged:
         """The same with the spare shapes of all its effects that are better off with them."""
@@ -304,6 +297,14 @@ class Search:
         known = np.isfinite(error)
         share, *_ = np.linalg.lstsq(everything[known], error[known], rcond=1e-6)
         self.disturbance = disturbance_of(np.where(known, error - everything @ share, np.nan), self.starts)
+
+
+def _without_neutral(effect: Effect, spare: str) -> list[Effect]:
+    """An effect with a spare shape where fits of it begin; none where it is looked for already, or is nothing alone."""
+    bound = effect.parameters[spare]
+    way = max((bound.low, bound.high), key=lambda value: abs(value - bound.neutral)) - bound.neutral
+    begun = [effect.reshaped(**{spare: bound.neutral + share * way}) for share in SPARE_BEGINS]
+    return begun if spare in effect.idle and spare not in begun[0].idle else []
 
 
 def _with(explanation: Explanation, effect: Effect) -> Explanation:

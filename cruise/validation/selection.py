@@ -164,25 +164,35 @@ def _first(one: Tried, step: Step) -> bool:
 
 
 def _further(one: Tried, step: Step, before: Judged, chosen: Sequence[str]) -> bool:
-    """Whether it is more than a wrong form of what is there; `before` is without the effect that was added last.
-
-    Where every force is known, its share is that of what is left there: a force that is missing, too, hides no other.
-    """
+    """Whether it is more than a wrong form of what is there; `before` is without the effect that was added last."""
     share = (step.before.loss - one.judged.loss) / before.loss
     rest = one.sureness >= BEYOND_DOUBT and share_of_all(one, step) >= ALL_OF_IT
     hidden = rest and one.gain >= MOST and one.name not in DYNAMICS  # a far larger one hid it
-    if share < least_share(one.name, chosen) and not hidden:
+    if soil_short(one) > 0.0 or (share < least_share(one.name, chosen) and not hidden):
         return False
-    if soil_short(one) > 0.0:
-        return False
-    if one.gain >= MOST and one.sureness >= ANYHOW and one.counted >= SOME and one.name not in DYNAMICS:
-        return True
+    return _takes_most(one) or _takes_plainly(one, share, rest) or _takes_with_evidence(one, step)
+
+
+def _takes_most(one: Tried) -> bool:
+    """More of what is left than any wrong form leaves; a core's form may be as wrong as that."""
+    return one.gain >= MOST and one.sureness >= ANYHOW and one.counted >= SOME and one.name not in DYNAMICS
+
+
+def _takes_plainly(one: Tried, share: float, rest: bool) -> bool:
+    """So much of what is left, and of what was, or all that could be explained, that little evidence is enough."""
     evidence, least, much = PLAINLY
-    if one.gain >= least and one.sureness >= SURE and (share >= much or rest):
-        return one.counted * one.gain >= evidence
-    share_of_it = one.gain if step.forces is None else max(one.gain, gain(step.forces, one.compared))
+    plainly = one.gain >= least and one.sureness >= SURE and (share >= much or rest)
+    return plainly and one.counted * one.gain >= evidence
+
+
+def _takes_with_evidence(one: Tried, step: Step) -> bool:
+    """A share that counts, with more evidence than the first effect needs.
+
+    Where every force is known, its share is that of what is left there: a force that is missing, too, hides no other.
+    """
+    share = one.gain if step.forces is None else max(one.gain, gain(step.forces, one.compared))
     sure = enough(one) or (one.gain >= LEAST_GAIN and one.sureness >= SURE)
-    return sure and one.counted >= FURTHER and share_of_it >= LEAST_FURTHER
+    return sure and one.counted >= FURTHER and share >= LEAST_FURTHER
 
 
 def least_share(name: str, chosen: Sequence[str]) -> float:

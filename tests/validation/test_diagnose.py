@@ -50,6 +50,8 @@ def test_a_slope_that_costs_speed_is_grade(grade):
     assert grade.next_experiment == EFFECTS["grade"].about.experiment
     (load,) = grade.final.explanation.loads
     assert load == pytest.approx(0.35, abs=0.02)
+    (effect,) = grade.final.explanation.effects
+    assert effect.idle == set(effect.spare), "nothing is won by what it does not need"
     assert np.sqrt(grade.final.loss) < 0.2 * np.sqrt(grade.base.loss)
 
 

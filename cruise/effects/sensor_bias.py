@@ -68,7 +68,7 @@ class SensorBias(Effect):
         shows = self._shows(signals["wheel_speed_mps"])
         difference_mps = signals[OUTPUT] - signals["wheel_speed_mps"]
         known = difference_mps == difference_mps
-        shown_mps = where(seen > 0.0, shows * bias_mps, difference_mps)
+        shown_mps = shows * where(seen > 0.0, bias_mps, difference_mps)
         averaging, forgetting = 1.0 / (seen + 1.0), -np.expm1(-dt_s / self.filter_s)
         share = shows * where(averaging > forgetting, averaging, forgetting)
         updated_mps = where(known, bias_mps + share * (difference_mps - shows * bias_mps), bias_mps)

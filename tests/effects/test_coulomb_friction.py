@@ -30,3 +30,12 @@ def test_a_drive_that_is_weaker_than_it_moves_nothing_and_one_that_is_stronger_g
     )
     assert np.abs(weak[10:]).max() < 0.015
     assert strong[-1] == pytest.approx(1.0 - 0.38)
+
+
+@pytest.mark.parametrize(
+    ("speed_mps", "phi"), [(0.1, -2.5), (-0.1, 2.5), (0.2, -1.0 - 1.5 * np.exp(-3.0)), (2.0, -1.0)]
+)
+def test_there_is_more_of_it_at_a_creep_and_none_of_that_at_speed(speed_mps, phi):
+    """Of what there is more at rest, 1 / e is left at the speed at which a film carries."""
+    found, _ = CoulombFriction(0.05, 1.5 * np.e, 0.1).step(0.0, speed_mps, {}, 0.0, 0.2)
+    assert found == pytest.approx(phi)

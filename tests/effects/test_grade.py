@@ -69,3 +69,8 @@ def test_a_recorded_mass_is_used_and_one_that_is_not_recorded_is_not_missed(furt
     recording = Recording(0.2 * np.arange(9), {name: np.ones(9) for name in names}, 0.2, "test")
     model = Model(0.2, 1, 1, 0, (Grade(),), (0.5, 1e-3, 0.1, 0.0))
     assert set(checked_signals(model, recording)) == {"pitch_deg", "ground_speed_mps", *further}
+
+
+def test_a_valve_may_hold_the_machine_downhill():
+    assert phi(Grade(downhill_share=0.2), pitch_deg=30.0) == pytest.approx(-4.905)
+    assert phi(Grade(downhill_share=0.2), pitch_deg=-30.0) == pytest.approx(0.2 * 4.905)

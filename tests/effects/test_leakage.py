@@ -37,3 +37,9 @@ def test_a_hole_in_the_speed_keeps_the_last_one():
     speed_mps = np.array([3.0, math.nan, math.nan, 1.5])
     effect, signals = Leakage(stroke_share=1.0), {"line_pressure_bar": np.full(4, 100.0), "ground_speed_mps": speed_mps}
     np.testing.assert_allclose(effect.over(0.0, np.zeros(4), signals, 0.2)[0], [-1.0, -2.0, -2.0, -2.0])
+
+
+def test_a_relief_valve_weeps_beyond_a_pressure_on_either_side():
+    effect = Leakage(onset_bar=110.0)
+    for bar, expected in ((100.0, 0.0), (210.0, -1.0), (-210.0, 1.0), (-50.0, 0.0)):
+        assert effect.step(0.0, 1.0, {"line_pressure_bar": bar}, math.nan, 0.2)[0] == pytest.approx(expected)

@@ -82,6 +82,12 @@ def test_engine_speed_scales_with_flow():
     assert EngineSpeed(1.0).step(1.0, 0.0, {"engine_speed_rpm": 1050.0}, None, 0.2)[0] == pytest.approx(0.5)
 
 
+def test_an_engine_gives_no_more_beyond_the_speed_up_to_which_the_drive_follows_it():
+    effect = EngineSpeed(1.0, full_rpm=1575.0)
+    gains = [effect.step(1.0, 0.0, {"engine_speed_rpm": rpm}, None, 0.2)[0] for rpm in (1050.0, 1575.0, 2100.0)]
+    assert gains == pytest.approx([0.5, 0.75, 0.75])
+
+
 def test_gears_scale_gain_and_pace_as_in_equations_10_to_12():
     gears = GearRatio(1.4, 2.5, 4.4, 7.8)
     assert [gears.ratio(float(i)) for i in (1, 2, 3, 4)] == pytest.approx([1.4 / 2.5, 1, 4.4 / 2.5, 7.8 / 2.5])

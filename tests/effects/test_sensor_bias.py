@@ -45,3 +45,19 @@ def test_a_sample_without_a_speed_is_left_out():
     found = phi(ground, wheel)
     assert np.isnan(found[7])
     np.testing.assert_allclose(np.delete(found, 7), 0.1, rtol=1e-9)
+
+
+def test_a_radar_shows_nothing_at_rest_and_what_it_learned_once_the_machine_moves():
+    wheel = np.repeat([0.0, 2.0, 0.0, 2.0], 100)
+    signals = {"ground_speed_mps": wheel + 0.3 * (wheel > 0.0), "wheel_speed_mps": wheel}
+    found, _ = over(SensorBias(rest_share=0.0), 0.0, np.zeros(400), signals, DT_S)
+    assert found[101:200] == pytest.approx(np.full(99, 0.3))
+    assert found[200:300] == pytest.approx(np.zeros(100))
+    assert found[300:] == pytest.approx(np.full(100, 0.3))
+
+
+def test_at_rest_from_the_first_sample_on_its_noise_does_not_explain_itself():
+    noise = 0.04 * np.random.default_rng(3).standard_normal(100)
+    signals = {"ground_speed_mps": noise, "wheel_speed_mps": np.zeros(100)}
+    found, _ = over(SensorBias(rest_share=0.0), 0.0, np.zeros(100), signals, DT_S)
+    np.testing.assert_array_equal(found, 0.0)

@@ -35,12 +35,7 @@ from cruise.validation.candidates import (
     without,
 )
 from cruise.validation.explanation import CORE, RESONANCE
-from cruise.validation.unnamed import (
-    POWERS,
-    PUSHES,
-    SPEED,
-    UnnamedGain,
-)
+from cruise.validation.unnamed import POWERS, PUSHES, SPEED, UnnamedGain
 from tests.validation.driving import wander
 from tests.validation.recorded import BARE, SAMPLES, everything, recorded
 

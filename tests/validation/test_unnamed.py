@@ -7,9 +7,7 @@ import pytest
 
 from cruise.recording import Recording
 from cruise.signals import INPUT, OUTPUT
-from cruise.validation.candidates import (
-    unnamed,
-)
+from cruise.validation.candidates import unnamed
 from cruise.validation.unnamed import (
     FARTHEST,
     KNOTS_PCT,

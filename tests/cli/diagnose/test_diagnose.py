@@ -11,74 +11,13 @@ from cruise import cli
 from cruise.cli import diagnose_words
 from cruise.csv_file import write_csv
 from cruise.effects import EFFECTS, Stage
-from cruise.identification.structures import parse
 from cruise.recording import Recording
 from cruise.report import diagnosis, diagnosis_picture, evidence
-from cruise.report.curve import curve
 from cruise.report.diagnosis_figures import report
-from cruise.report.evidence import Number
-from cruise.signals import INPUT, OUTPUT
+from cruise.signals import INPUT
 from cruise.validation.candidates import Refused
-from cruise.validation.diagnose import Diagnosis, Verdict, diagnose
-from cruise.validation.noise_floor import Bound, NoiseFloor
-from cruise.validation.study import study
-from tools.trial.run import table_without
-
-MODEL = "arx:na=1,nb=3,delay_s=0.5"
-DT_S, SECONDS = 0.1, 240.0
-DELAY_S, LAG_S, DRIVE_S, GAIN = 0.3, 0.2, 0.6, 2.5e-3
-PULL = 0.03  # m/s of steady speed per m/s2 of slope
-TRIED = ("coulomb_friction", "transport_delay")  # and grade, of those that could be
-FLOOR = NoiseFloor(Bound(0.01, 0.009, 0.011), 0.01, 1.0, 2.5, Bound(0.012, 0.011, 0.013), 1000)
-
-
-def drive(seed: int, pull: float, seconds: float = SECONDS) -> Recording:
-    """Random steps of current on slopes that rise and fall; one Euler step of 10 ms, by hand.
-
-    0.6 s dv/dt = 2.5e-3 w - pull 9.81 sin(pitch) - v,   0.2 s dw/dt = u(t - 0.3 s) - w
-    """
-    rng = np.random.default_rng(seed)
-    fine_s, count = 0.01, round(seconds / DT_S)
-    time_s = DT_S * np.arange(1, count + 1)
-    levels = np.repeat(rng.uniform(300.0, 900.0, count), rng.integers(15, 60, count))[:count]
-    pitch = 5.0 * np.sin(2.0 * np.pi * time_s / 47.0) * np.sin(2.0 * np.pi * time_s / 31.0 + seed)
-    u, slope = (np.repeat(one, round(DT_S / fine_s)) for one in (levels, 9.81 * np.sin(np.radians(pitch))))
-    late = np.concatenate([np.full(round(DELAY_S / fine_s), u[0]), u])[: len(u)]
-    speed, w, v = np.empty(len(u)), u[0], GAIN * u[0]
-    for k in range(len(u)):
-        w += fine_s / LAG_S * (late[k] - w)
-        v += fine_s / DRIVE_S * (GAIN * w - pull * slope[k] - v)
-        speed[k] = v
-    columns = {
-        INPUT: levels,
-        OUTPUT: speed[round(DT_S / fine_s) - 1 :: round(DT_S / fine_s)] + 0.01 * rng.standard_normal(count),
-        "pitch_deg": pitch + 0.1 * rng.standard_normal(count),
-        "engine_speed_rpm": np.full(count, 2100.0),
-    }
-    return Recording(time_s, columns, DT_S, "drive.csv")
-
-
-def found_in(recording: Recording, model: str = MODEL) -> Diagnosis:
-    return diagnose(study([recording], parse(model), None, 0.2))
-
-
-@pytest.fixture(scope="module", autouse=True)
-def few():
-    """Fewer effects are tried, for speed; those that lack a signal cost nothing."""
-    with table_without([name for name, kind in EFFECTS.items() if not kind.needs and name not in TRIED]):
-        yield
-
-
-@pytest.fixture(scope="module")
-def hills() -> Diagnosis:
-    """What is found where grade is hidden."""
-    return found_in(drive(1, PULL))
-
-
-@pytest.fixture(scope="module")
-def flat() -> Diagnosis:
-    """What is found where nothing is."""
-    return found_in(drive(2, 0.0))
+from cruise.validation.diagnose import Diagnosis
+from tests.cli.diagnose.drives import DELAY_S, DT_S, FLOOR, MODEL, PULL, TRIED, ambiguous, drive, unlisted
 
 
 def said(capsys: pytest.CaptureFixture[str], found: Diagnosis, *options: str) -> str:
@@ -157,18 +96,6 @@ def test_where_nothing_is_missing_it_says_what_could_have_hidden(flat, capsys):
     assert "at its best fit moves it by" in out
     assert "cruise add" not in out
     assert json.loads(json.dumps(report(flat, MODEL, MODEL), allow_nan=False))["effects"] == []
-
-
-def unlisted(found: Diagnosis) -> Diagnosis:
-    curve_fit = next(one.judged for one in found.steps[0].tried if one.name == "unnamed:pitch_deg")
-    return replace(
-        found, verdict=Verdict.UNLISTED, effects=(), signals=("pitch_deg",), final=curve_fit, steps=found.steps[:1]
-    )
-
-
-def ambiguous(found: Diagnosis) -> Diagnosis:
-    pair = ("grade", "coulomb_friction")
-    return replace(found, verdict=Verdict.AMBIGUOUS, effects=pair, look_alikes=(pair,))
 
 
 def test_what_is_not_in_the_table_is_named_by_its_signal_and_its_curve(hills, capsys):
@@ -317,84 +244,6 @@ def test_several_effects_are_added_one_after_the_other(hills, capsys):
     assert f"+ {second.name}" in out
     assert f"--model {MODEL} drive.csv -o better.yaml" in out
     assert f"cruise add {second.name} --model better.yaml drive.csv -o better_2.yaml" in out
-
-
-def test_the_curve_of_an_effect_is_its_own_code_with_its_uncertainty(hills):
-    drawn = curve(hills.study, hills.base, hills.final, "grade")
-    assert (drawn.x_name, drawn.x_unit) == ("pitch_deg", "deg")
-    load = next(one for one in evidence.numbers(hills.study, hills.final) if one.name == "load")
-    wanted = -load.value * 9.81 * np.sin(np.radians(drawn.x))
-    assert drawn.y == pytest.approx(wanted, abs=1e-9)
-    assert drawn.std is not None
-    assert drawn.std[-1] == pytest.approx(load.std * 9.81 * np.sin(np.radians(drawn.x[-1])), rel=1e-3)
-    delayed = next(one.judged for one in hills.steps[0].tried if one.name == "transport_delay")
-    response = curve(hills.study, hills.base, delayed, "transport_delay")
-    low, high = np.nanquantile(hills.study.search.scene.current_ma, (0.25, 0.75))
-    assert response.y[-1] - response.y[0] == pytest.approx(GAIN * (high - low), rel=0.02)
-    reached = np.interp(2.0, response.x, response.y) - response.y[0]
-    assert 0.75 < reached / (response.y[-1] - response.y[0]) < 0.95
-    assert np.ptp(response.y[response.x < 0.0]) == pytest.approx(0.0, abs=1e-9)
-
-
-def test_the_residual_follows_the_signature_before_and_not_after(hills):
-    (one,) = evidence.rungs(hills)
-    assert (one.added, one.dropped) == (("grade",), ())
-    known = np.isfinite(one.before.error_mps)
-    before, after = one.before.error_mps[known], one.after.error_mps[known]
-    x = before - after
-    for error, slope in ((before, 1.0), (after, 0.0)):
-        middles, ten, median, ninety = diagnosis_picture.binned(x, error)
-        assert np.polyfit(middles, median, 1)[0] == pytest.approx(slope, abs=0.15)
-        assert np.all(ten < median)
-        assert np.all(median < ninety)
-
-
-def test_the_telling_minute_is_that_in_which_the_error_falls_most(hills):
-    number, stretch = diagnosis_picture.telling_stretch(hills, hills.final)
-    assert (number, stretch.stop - stretch.start) == (0, 300)
-    fallen = np.nan_to_num(hills.base.error_mps**2 - hills.final.error_mps**2)
-    sums = [fallen[i : i + 300].sum() for i in range(len(fallen) - 299)]
-    assert fallen[stretch].sum() == pytest.approx(max(sums))
-
-
-def test_the_telling_minute_lies_within_one_of_several_recordings(hills):
-    two = study([drive(1, PULL), drive(3, PULL, seconds=40.0)], parse(MODEL), None, 0.2)
-    second = two.search.scene.parts[1]
-    for better, wanted in ((slice(second.start, second.stop), (1, second)), (slice(100, 400), (0, slice(100, 400)))):
-        error = two.base.error_mps.copy()
-        error[better] *= 0.01
-        found = replace(hills, study=two, base=two.base)
-        assert diagnosis_picture.telling_stretch(found, replace(two.base, error_mps=error)) == wanted
-
-
-@pytest.mark.parametrize("which", ["missing", "nothing", "unlisted", "ambiguous"])
-def test_every_verdict_has_its_picture(hills, flat, tmp_path, which):
-    found = {"missing": hills, "nothing": flat, "unlisted": unlisted(hills), "ambiguous": ambiguous(hills)}[which]
-    path = diagnosis_picture.draw(found, FLOOR, tmp_path / "p.png")
-    width, height = (int.from_bytes(path.read_bytes()[at : at + 4], "big") for at in (16, 20))
-    assert width == 1430
-    assert height > (1700 if which == "ambiguous" else 1300)
-
-
-def number(value: float, std: float = 0.01, low: float = 0.0, high: float = 1.0, neutral: float = 0.5) -> Number:
-    return Number("grade", "share", "-", value, std, low, high, neutral, "")
-
-
-def test_a_number_is_plausible_strictly_between_its_bounds():
-    assert [number(value).plausible for value in (0.0, 0.2, 1.0)] == [False, True, False]
-    assert number(0.0, neutral=0.0).remark == "no sign of it"
-    assert number(0.0, neutral=0.0).plausible
-    assert number(0.3, std=0.7).remark == "not told by the data"
-    assert number(0.3, std=0.0).remark == "not told by the data"
-    assert number(1.0).remark == "at its bound"
-    free, pushing = number(-0.1, low=-np.inf, high=np.inf, neutral=np.nan), number(0.0, high=np.inf, neutral=np.nan)
-    assert (free.plausible, pushing.plausible) == (True, False)
-
-
-def test_figures_have_three_digits():
-    values = {0.0068: "0.00680", 161.2: "161", 12345.6: "12346", np.nan: "-", np.inf: "-", 5.514e-6: "5.51e-06"}
-    assert [diagnosis.figure(value) for value in values] == list(values.values())
-    assert [diagnosis.confidence(value) for value in (0.999, 0.5, 1e-9)] == ["> 0.99", "0.50", "< 0.01"]
 
 
 MISTAKES = {

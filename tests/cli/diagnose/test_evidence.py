@@ -1,0 +1,91 @@
+"""What stands behind a verdict: an effect's curve, the residual before and after, the telling minute, its picture."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cruise.identification.structures import parse
+from cruise.report import diagnosis, diagnosis_picture, evidence
+from cruise.report.curve import curve
+from cruise.report.evidence import Number
+from cruise.validation.study import study
+from tests.cli.diagnose.drives import FLOOR, GAIN, MODEL, PULL, ambiguous, drive, unlisted
+
+
+def test_the_curve_of_an_effect_is_its_own_code_with_its_uncertainty(hills):
+    drawn = curve(hills.study, hills.base, hills.final, "grade")
+    assert (drawn.x_name, drawn.x_unit) == ("pitch_deg", "deg")
+    load = next(one for one in evidence.numbers(hills.study, hills.final) if one.name == "load")
+    wanted = -load.value * 9.81 * np.sin(np.radians(drawn.x))
+    assert drawn.y == pytest.approx(wanted, abs=1e-9)
+    assert drawn.std is not None
+    assert drawn.std[-1] == pytest.approx(load.std * 9.81 * np.sin(np.radians(drawn.x[-1])), rel=1e-3)
+    delayed = next(one.judged for one in hills.steps[0].tried if one.name == "transport_delay")
+    response = curve(hills.study, hills.base, delayed, "transport_delay")
+    low, high = np.nanquantile(hills.study.search.scene.current_ma, (0.25, 0.75))
+    assert response.y[-1] - response.y[0] == pytest.approx(GAIN * (high - low), rel=0.02)
+    reached = np.interp(2.0, response.x, response.y) - response.y[0]
+    assert 0.75 < reached / (response.y[-1] - response.y[0]) < 0.95
+    assert np.ptp(response.y[response.x < 0.0]) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_residual_follows_the_signature_before_and_not_after(hills):
+    (one,) = evidence.rungs(hills)
+    assert (one.added, one.dropped) == (("grade",), ())
+    known = np.isfinite(one.before.error_mps)
+    before, after = one.before.error_mps[known], one.after.error_mps[known]
+    x = before - after
+    for error, slope in ((before, 1.0), (after, 0.0)):
+        middles, ten, median, ninety = diagnosis_picture.binned(x, error)
+        assert np.polyfit(middles, median, 1)[0] == pytest.approx(slope, abs=0.15)
+        assert np.all(ten < median)
+        assert np.all(median < ninety)
+
+
+def test_the_telling_minute_is_that_in_which_the_error_falls_most(hills):
+    number, stretch = diagnosis_picture.telling_stretch(hills, hills.final)
+    assert (number, stretch.stop - stretch.start) == (0, 300)
+    fallen = np.nan_to_num(hills.base.error_mps**2 - hills.final.error_mps**2)
+    sums = [fallen[i : i + 300].sum() for i in range(len(fallen) - 299)]
+    assert fallen[stretch].sum() == pytest.approx(max(sums))
+
+
+def test_the_telling_minute_lies_within_one_of_several_recordings(hills):
+    two = study([drive(1, PULL), drive(3, PULL, seconds=40.0)], parse(MODEL), None, 0.2)
+    second = two.search.scene.parts[1]
+    for better, wanted in ((slice(second.start, second.stop), (1, second)), (slice(100, 400), (0, slice(100, 400)))):
+        error = two.base.error_mps.copy()
+        error[better] *= 0.01
+        found = replace(hills, study=two, base=two.base)
+        assert diagnosis_picture.telling_stretch(found, replace(two.base, error_mps=error)) == wanted
+
+
+@pytest.mark.parametrize("which", ["missing", "nothing", "unlisted", "ambiguous"])
+def test_every_verdict_has_its_picture(hills, flat, tmp_path, which):
+    found = {"missing": hills, "nothing": flat, "unlisted": unlisted(hills), "ambiguous": ambiguous(hills)}[which]
+    path = diagnosis_picture.draw(found, FLOOR, tmp_path / "p.png")
+    width, height = (int.from_bytes(path.read_bytes()[at : at + 4], "big") for at in (16, 20))
+    assert width == 1430
+    assert height > (1700 if which == "ambiguous" else 1300)
+
+
+def number(value: float, std: float = 0.01, low: float = 0.0, high: float = 1.0, neutral: float = 0.5) -> Number:
+    return Number("grade", "share", "-", value, std, low, high, neutral, "")
+
+
+def test_a_number_is_plausible_strictly_between_its_bounds():
+    assert [number(value).plausible for value in (0.0, 0.2, 1.0)] == [False, True, False]
+    assert number(0.0, neutral=0.0).remark == "no sign of it"
+    assert number(0.0, neutral=0.0).plausible
+    assert number(0.3, std=0.7).remark == "not told by the data"
+    assert number(0.3, std=0.0).remark == "not told by the data"
+    assert number(1.0).remark == "at its bound"
+    free, pushing = number(-0.1, low=-np.inf, high=np.inf, neutral=np.nan), number(0.0, high=np.inf, neutral=np.nan)
+    assert (free.plausible, pushing.plausible) == (True, False)
+
+
+def test_figures_have_three_digits():
+    values = {0.0068: "0.00680", 161.2: "161", 12345.6: "12346", np.nan: "-", np.inf: "-", 5.514e-6: "5.51e-06"}
+    assert [diagnosis.figure(value) for value in values] == list(values.values())
+    assert [diagnosis.confidence(value) for value in (0.999, 0.5, 1e-9)] == ["> 0.99", "0.50", "< 0.01"]

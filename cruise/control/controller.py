@@ -30,16 +30,12 @@ from cruise.control.slope import SlopeObserver
 from cruise.control.trend import Trend
 from cruise.control.width import BelievedWidth
 from cruise.effects import Effect
-from cruise.effects.gear_ratio import GearRatio
 from cruise.effects.grade import Grade
 from cruise.model.model import Model, ModelState
 from cruise.settings import Positive, SettingsError
 from cruise.signals import OUTPUT, Sample
 
 POWER = ("engine_load_pct", "engine_speed_rpm", "line_pressure_bar")
-# Of the top speed in second gear, the mean at which a drive is learned: a lesson goes up to three quarters of it, and
-# with a characteristic like a parabola the fast part, where a current moves most, counts most: 0.6 of that.
-LESSON_SHARE = 0.45
 PACE_STEPS = 20.0  # per factor e: poles that differ by less share one programme
 
 
@@ -131,7 +127,8 @@ class Controller:
         state, delay = self.state, self.model.delay
         if state is None:
             return math.nan
-        pole, speed_mps, found = self.observer.pole(self.pole), self.observer.speed_mps, 0.0
+        pole = self.observer.pole(self.pole, self._stroke_yielding(state.drives))
+        speed_mps, found = self.observer.speed_mps, 0.0
         load_mps = self._load_mps(state) + self.observer.disturbance_mps
         for drive_ma in np.correlate(state.drives[: delay + len(self._share)], self._share)[::-1].tolist():
             step_mps = (1.0 - pole) * (self._gain * state.gain * drive_ma + load_mps - speed_mps)
@@ -208,16 +205,9 @@ class Controller:
         a, _, loads, c_0 = self.model.split(self.model.theta)
         return (c_0 + sum(c * phi for c, phi in zip(loads, state.loads, strict=True))) / (1.0 - a[0])
 
-    def _coming_pole(self, state: ModelState) -> float:
-        """The pole of the vehicle at the stroke that was sent last."""
-        stroke = self._stroke(self._gain * state.gain * state.drives[0])
-        return self.observer.pole(self.pole, self.pace, stroke)
-
-    def _stroke(self, drive_mps: float) -> float:
-        """That of the pump for a drive in m/s of steady speed, over the one at which it was learned."""
-        gears = next((effect for effect in self.model.effects if isinstance(effect, GearRatio)), None)
-        ratio = 0.0 if gears is None else gears.ratio(self.signals["gear"])
-        return drive_mps / ratio / (LESSON_SHARE * gears.gear_2_mps) if gears is not None and ratio > 0.0 else 1.0
+    def _stroke_yielding(self, drives_ma: Sequence[float]) -> float:
+        """How far the drive yields at its stroke, beside what the gear does."""
+        return self.model.yielding(drives_ma, self.signals) / self.model.gear_yielding(self.signals)
 
     def _limit_status(self) -> LimitStatus:
         limits = self.settings.limits
@@ -244,15 +234,15 @@ class Controller:
             signals["pitch_deg"] = self.slope.step(signals["pitch_deg"], self.observer.speed_mps)
         self.signals = signals
         state = model.apply(self.state, sample.current_ma, signals)
-        self.pace = state.pace
         # Equation 12 at the period of the frames: at that of the model it would be half a time constant too slow.
-        self.pole = 1.0 - state.pace * (1.0 - self._pole)
+        pace = model.usual_pace(state, signals)
+        self.pole, self.pace = 1.0 - pace * (1.0 - self._pole), min(pace, 1.0)
         load_mps = self._load_mps(state)
         self.trend.step(state.gain, load_mps)
         self.width.step(self.state, state, sample.current_ma, signals)
         steady_mps, width_mps = (self._felt_mps(state, drives) for drives in (state.drives, self.width.drives_ma))
-        stroke = self._stroke(steady_mps)
-        self.observer.step(self.pole, steady_mps + load_mps, sample.speed_mps, self.pace, width_mps, stroke)
+        yielding = self._stroke_yielding(state.drives)
+        self.observer.step(self.pole, steady_mps + load_mps, sample.speed_mps, self.pace, width_mps, yielding)
         self.state = self.width.believe(self.observer.width_share, model.observe(state, self.observer.speed_mps))
         self.current_ma = sample.current_ma
 
@@ -274,7 +264,7 @@ class Controller:
 
     def _programme(self, state: ModelState) -> Programme:
         """The law for the pole that the drive is about to have, made when it is met first."""
-        pole = self._coming_pole(state)
+        pole = self.observer.pole(self.pole, self._stroke_yielding(state.drives[:1] * len(state.drives)))
         key = round(PACE_STEPS * math.log(max(1.0 - pole, 1e-6)))
         found = self._programmes.get(key)
         if found is None:
@@ -286,10 +276,11 @@ class Controller:
     def _plan(self, state: ModelState, setpoint_mps: float, gently: bool) -> None:
         model, settings, signals = self.model, self.settings, self.signals
         self.past_references.append(self.reference.step(setpoint_mps, self.frame_s))
-        gain = self._gain * state.gain
-        if not gain > 0.0:  # neutral gear, or no drive at this engine speed
+        if not state.gain > 0.0:  # neutral gear, or no drive at this engine speed
             self.limited = "no drive"
             return
+        share, load_mps = self.trend.believed(self.observer.calm)
+        gain = self._gain * share
         programme = self._programme(state)
         coming = [*self.past_references, *self.reference.preview(setpoint_mps, self.frame_s, programme.count)]
         reference = np.array(coming[1 : 1 + programme.count])
@@ -302,9 +293,9 @@ class Controller:
             self.observer.speed_mps,
             gain * np.array(state.drives),
             np.array([steady_mps(value) for value in self.shaper.states_ma]),
-            self._load_mps(state) + self.observer.disturbance_mps,
+            load_mps + self.observer.disturbance_mps,
             self.observer.calm * self.trend.rate_mps2(self.observer.speed_mps),
-            self.wanted_mps - self._load_mps(state),
+            self.wanted_mps - load_mps,
         )
         low, high = steady_mps(limits.current_min_ma), steady_mps(limits.current_max_ma)
         rate = (high - low) / (limits.current_max_ma - limits.current_min_ma) * limits.rate_max_ma_per_s
@@ -313,7 +304,7 @@ class Controller:
         # for much, and a quick one gives it.
         quicker = math.exp(self.observer.pace_std)
         self.plan = programme.solve(now, reference, Bounds(low, high, rate, share, 1.0 / quicker))
-        self.wanted_mps = self.plan.wanted_mps + self._load_mps(state)
+        self.wanted_mps = self.plan.wanted_mps + load_mps
         inverse = self.inversion.step(model, self.plan.wanted_mps / gain, state, signals)
         wanted_ma = inverse.nearest(self.wanted_ma)
         self.limited = inverse.refused or ("" if self.plan.solved else "no plan found")

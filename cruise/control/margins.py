@@ -48,13 +48,14 @@ class Margins:
 
 
 class Drive:
-    """What one model says of drive and vehicle, frame by frame, at one pace of the gears."""
+    """What one model says of drive and vehicle, frame by frame, at one pace of the gears and yielding of its stroke."""
 
-    def __init__(self, model: Model, frame_s: float, pace: float = 1.0) -> None:
+    def __init__(self, model: Model, frame_s: float, pace: float = 1.0, yielding: float = 1.0) -> None:
         fast = at_period(model, frame_s)
         (pole,), taps, *_ = fast.split(fast.theta)
         self.gain = fast.dc_gain_mps_per_ma
-        self.pole = 1.0 - pace * (1.0 - pole)
+        self.usual_pole = 1.0 - pace * (1.0 - pole)
+        self.pole = self.usual_pole ** (1.0 / yielding)
         self.delay, self.response = fast.delay, np.array(taps) / sum(taps)
 
     def felt(self, q: np.ndarray) -> np.ndarray:
@@ -91,6 +92,7 @@ class FirstMove:
 class Law:
     """What one model's law makes of the measured speed at the frequencies `hz`; gears slow the pole by `pace`.
 
+    `yielding` is l, how far the drive yields at its stroke (`cruise.model.core`), beside what the gear does to it.
     `hill` is w, the share by which the observer's gain has moved from its usual one, K_0, to that of a hill, K_1.
     """
 
@@ -100,21 +102,24 @@ class Law:
         settings: ControlSettings,
         pace: float = 1.0,
         hill: float = 0.0,
+        yielding: float = 1.0,
         hz: np.ndarray | None = None,
     ) -> None:
         frame_s = self.frame_s = settings.frame_s
-        self.pace = pace
+        self.pace, self.yielding = pace, yielding
         self.hz = frequencies_hz(frame_s) if hz is None else hz
-        drive = Drive(model, frame_s, pace)
+        drive = Drive(model, frame_s, pace, yielding)
         pole, depth, order = drive.pole, drive.delay + len(drive.response), settings.shaping_order
         shaper = CommandShaper(settings.shaping_hz, order, frame_s)
-        law = Programme(pole, drive.response, drive.delay, shaper, frame_s, settings.predictive, pace)
+        law = Programme(pole, drive.response, drive.delay, shaper, frame_s, settings.predictive, min(pace, 1.0))
         move, share = FirstMove.of(law, depth, order), shaper.share
-        seen = DisturbanceObserver(frame_s, settings.observer).filter(pole, pace)
+        seen = DisturbanceObserver(frame_s, settings.observer).filter(drive.usual_pole, min(pace, 1.0))
+        moves = seen.moves.copy()
+        moves[0, :2] = pole, 1.0 - pole
         gain = seen.gain + hill * (seen.hill_gain - seen.gain)  # K
         q = self._q = np.exp(-2j * math.pi * frame_s * self.hz)
         left = np.eye(len(SEEN)) - np.outer(gain, SEEN)
-        late = np.eye(len(SEEN)) - q[:, None, None] * (left @ seen.moves)  # Z
+        late = np.eye(len(SEEN)) - q[:, None, None] * (left @ moves)  # Z
         estimated = np.array([move.speed, move.load, 0.0, 0.0])
         observer = np.linalg.det(late)  # D
         asked = observer[:, None] * np.linalg.solve(late.transpose(0, 2, 1), estimated[:, None])[:, :, 0]  # D k Z^-1
@@ -133,7 +138,7 @@ class Law:
 
     def loop(self, machine: Model) -> tuple[np.ndarray, np.ndarray]:
         """L around a machine and the characteristic polynomial, each (N,)."""
-        drive = Drive(machine, self.frame_s, self.pace)
+        drive = Drive(machine, self.frame_s, self.pace, self.yielding)
         felt, late = drive.gain / self.gain * drive.felt(self._q), 1.0 - drive.pole * self._q
         with np.errstate(divide="ignore", invalid="ignore"):  # the integrator, at zero
             return -felt * self.measured / (late * self.sent), late * self.sent - felt * self.measured

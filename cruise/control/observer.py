@@ -1,7 +1,7 @@
 """The disturbance observer: what the model doesn't explain, as one slowly moving number, and how fast the drive is now.
 
     x_k = [y_k, d_k, q_k, r_k]'
-    y_(k+1) = y_k + p_k p_s (1 - A) (s_k + d_k - y_k) + noise,   d_(k+1) = d_k + sqrt(alpha) noise
+    y_(k+1) = y_k + (1 - A^(p_k / l_k)) (s_k + d_k - y_k) + noise,   d_(k+1) = d_k + sqrt(alpha) noise
     q' = r,   r' = -omega^2 q - 2 zeta omega r + noise,   measured: y_k + r_k + noise
     d_k = d_(k|k-1) + c_k K_d e_k,   c_k = 1 / (1 + (s'_k / R)^2)
     K = K_0 + w_k (K_1 - K_0),   w_k = 1 - min(1, V / m_k^2),   m_k = m_(k-1) + (T / tau_m) (c_k e_k - m_(k-1))
@@ -20,24 +20,21 @@ prediction the controller has no steady-state error (Muske and Badgwell, "Distur
 model predictive control", J. Process Control 12 (2002)).
 
 A hill takes 1/alpha as much of the steady speed as in a slow gear and comes as quickly, but so quick a filter would
-leave fourth gear no margins (1.6 and 40 degrees), and take for a hill whatever the model has wrong at a step of the
-reference. K_1 is that of noise over sqrt(alpha) instead of times it (1.9 and 50 degrees; 2.3 and 62 in a slow gear). As
+leave fourth gear no margins (1.5 and 38 degrees), and take for a hill whatever the model has wrong at a step of the
+reference. K_1 is that of noise over alpha^(1/4), not times its root (1.9 and 53 degrees; 2.2 and 60 in second). As
 much of it counts as what lasts of the innovations, m, is more than chance, of variance V: the noise is as great as the
 innovations show (D. H. Zhou and P. M. Frank, "Strong tracking filtering of nonlinear time-varying stochastic systems
 with coloured noise", Int. J. Control 65 (1996)).
 
-p p_s is the pace of the drive over the one that equation 12 gives the gear. The time constant of a hydrostatic drive is
-the mass times its compliance, leakage and a pump that the pressure destrokes: i^2 (a + b stroke) in a gear of ratio i,
-where the equation has i^2 alone. What of that is known is p_s = 1 / (1 - c_s + c_s z), z stroke over that at which the
-drive was learned, c_s share of b there: fourth gear slows down by a half from walking to driving on a road. It counts
-where a gear is slowed, alpha < 1; in the others the vehicle is quicker than the servo at any stroke. The rest, p, is 1
-where the model was learned, and known the less the more a gear slows the drive: to kappa |ln alpha|, one standard
-deviation of ln p. K_p is the gain of a Kalman filter for ln p alone, to which dx / d ln p, from a second filter beside
-the first, shows it. An extended Kalman filter would move x along with p; but p (s + d - y) is the same for a slow drive
-with much of a disturbance as for a fast one with little, and where the model errs the two wound each other up without
-end. So an innovation is shared: what comes while the drive moves is its pace, what comes at rest a disturbance, and x
-follows by its own filter (recursive prediction errors: L. Ljung, "Asymptotic behavior of the extended Kalman filter as
-a parameter estimator for linear systems", IEEE TAC 24 (1979)).
+p / l is the pace of the drive over the one that its gear has. What of it is known is l, how far the drive yields at its
+stroke by the model (`cruise.model.core`). The rest, p, is 1 where the model was learned, and known the less the more a
+gear slows the drive: to kappa |ln alpha|, one standard deviation of ln p. K_p is the gain of a Kalman filter for ln p
+alone, to which dx / d ln p, from a second filter beside the first, shows it. An extended Kalman filter would move x
+along with p; but p (s + d - y) is the same for a slow drive with much of a disturbance as for a fast one with little,
+and where the model errs the two wound each other up without end. So an innovation is shared: what comes while the drive
+moves is its pace, what comes at rest a disturbance, and x follows by its own filter (recursive prediction errors: L.
+Ljung, "Asymptotic behavior of the extended Kalman filter as a parameter estimator for linear systems", IEEE TAC 24
+(1979)).
 
 h is the share of its hysteresis' width that the model is believed (`width.py`). A band that is too wide makes the
 machine go too far at every turn of the current, so that e takes the sign of the turn, as dx / dh from a third filter
@@ -51,7 +48,7 @@ is too wide swings.
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Final
+from typing import Final
 
 import msgspec
 import numpy as np
@@ -66,17 +63,15 @@ class ObserverSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
     """How far the observer trusts sensor and model."""
 
     speed_noise_mps: Positive = 0.010  # m/s, of one mean over a frame
-    model_noise_mps: Positive = 0.15  # m/s after 1 s, what the model errs by while the speed changes
+    model_noise_mps: Positive = 0.10  # m/s after 1 s, what the model errs by while the speed changes
     disturbance_mps: Positive = 0.10  # m/s after 1 s, how fast hills and soil may come
-    ripple_mps: Positive = 0.10  # m/s RMS; more keeps 1.5 to 5 Hz out of the command and lets a hill cost more
+    ripple_mps: Positive = 0.11  # m/s RMS; more keeps 1.5 to 5 Hz out of the command and lets a hill cost more
     ripple_hz: Positive = 1.5  # above what the command may contain
     ripple_damping: Positive = 0.3
     brisk_mps2: Positive = 0.4  # R, m/s2: at this rate of s half of an innovation is believed; hills stay below it
     brisk_s: Positive = 0.5  # tau_m, s over which the rate is seen, and what lasts of the innovations
     pace_share: Positive = 0.25  # kappa: fourth gear is slowed to a seventh, give or take a factor of 1.6
     pace_s: Positive = 5.0  # tau, s: a pressure is kept for about as long
-    # c_s: 2 to 12 l/min leak at 100 bar, and a pump without feedback gives up 2 to 10 % of 100 l/min: half and half
-    stroke_share: Annotated[float, msgspec.Meta(ge=0, le=0.8)] = 0.5
     width_share: Positive = 0.5  # one standard deviation of h: a width that is learned in the field errs by as much
     width_s: Positive = 1800.0  # tau_h, s: what makes a width, oil and wear, changes more slowly
 
@@ -141,11 +136,9 @@ class DisturbanceObserver:
         """Standard deviation of ln p: how much quicker or slower the drive may be."""
         return math.sqrt(self.log_pace_variance)
 
-    def pole(self, pole: float, pace: float = 1.0, stroke: float = 1.0) -> float:
-        """That of the drive as it is now, for the one that the model gives the gear."""
-        share = self.settings.stroke_share if pace < 1.0 else 0.0
-        known = 1.0 / (1.0 - share + share * max(stroke, 0.0))
-        return 1.0 - min(math.exp(self.log_pace) * known * (1.0 - pole), 1.0)
+    def pole(self, pole: float, yielding: float = 1.0) -> float:
+        """That of the drive as it is now, for the one that the model gives the gear; `yielding` is l."""
+        return max(pole, 0.0) ** (math.exp(self.log_pace) / yielding)
 
     def step(
         self,
@@ -154,12 +147,12 @@ class DisturbanceObserver:
         speed_mps: float,
         pace: float = 1.0,
         width_mps: float = 0.0,
-        stroke: float = 1.0,
+        yielding: float = 1.0,
     ) -> float:
         """One frame on: predict with the model, correct with the measured speed; returns the innovation in m/s.
 
-        `width_mps` is by how much the width of the hysteresis moves the steady speed, ds / dh, and `stroke` that of the
-        pump over the one at which it was learned. A state that was upset stays so.
+        `width_mps` is by how much the width of the hysteresis moves the steady speed, ds / dh, and `yielding` l. A
+        state that was upset stays so.
         """
         upset = self.upset
         found = self._filters.get((pole, pace))
@@ -167,11 +160,12 @@ class DisturbanceObserver:
             if len(self._filters) == MOST_FILTERS:
                 del self._filters[next(iter(self._filters))]
             found = self._filters[pole, pace] = self.filter(pole, pace)
-        share, moves = 1.0 - self.pole(pole, pace, stroke), found.moves.copy()
+        pole = self.pole(pole, yielding)
+        share, by_log_pace, moves = 1.0 - pole, -pole * math.log(pole) if pole > 0.0 else 0.0, found.moves.copy()
         moves[0, :2] = 1.0 - share, share
         ahead_mps = steady_mps + self.disturbance_mps - self.speed_mps
         states = np.array([(self.speed_mps, self.disturbance_mps, *self.ripple), self.moved, self.turned]) @ moves.T
-        states[:, 0] += share * np.array((steady_mps, ahead_mps, width_mps))
+        states[:, 0] += share * steady_mps, by_log_pace * ahead_mps, share * width_mps
         seen, by_pace, by_width = (states @ SEEN).tolist()
         self.innovation_mps = speed_mps - seen
         self.expected_mps = share * ahead_mps
@@ -245,7 +239,7 @@ class DisturbanceObserver:
 
         usual = gain(math.sqrt(pace))
         variance = settings.speed_noise_mps**2 / (1.0 - float(SEEN @ usual))
-        return Filter(found.F, usual, gain(pace**-0.5), variance)
+        return Filter(found.F, usual, gain(pace**-0.25), variance)
 
     def shift(self, disturbance_mps: float) -> None:
         """Move the disturbance by what a change of the model explains differently, so that the change makes no bump."""

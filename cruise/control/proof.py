@@ -4,7 +4,8 @@ taps, and enough margins of the loop that its law would close.
 The margins are asked for twice: around the model itself, and, with less, around the models that may be right instead of
 it, the one that drives and the factory's. A gain that was learned too small makes a law that is too strong: it shows
 there. Each with both gains of the observer, the usual one and that for what lasts, which is the quicker one in a fast
-gear: what lies between them has margins between theirs.
+gear: what lies between them has margins between theirs. Each at a small and at a great stroke of the pump, where the
+drive yields by little and by much.
 """
 
 import math
@@ -17,11 +18,13 @@ import numpy as np
 
 from cruise.control.controller import ControlSettings
 from cruise.control.margins import Law, Margins
+from cruise.effects.stroke import factor
 from cruise.estimation.supervision import Finding
 from cruise.model.model import Model, ModelState
 from cruise.signals import Sample
 
 GEARS = (1.0, 2.0, 3.0, 4.0)
+STROKES_MPS = (0.3, 2.2)  # of the drive in second gear: creeping, and nearly all that there is
 GAINS = (0.0, 1.0)  # of the observer: its usual one and that of a hill
 Factor = Annotated[float, msgspec.Meta(ge=1.1, le=4)]
 Degrees = Annotated[float, msgspec.Meta(ge=10, le=75)]
@@ -53,17 +56,20 @@ class Proof:
         """Of the model alone, in every gear at the present signals, then for each pace of the gears and each gain."""
         poles = float(np.abs(model.poles).max(initial=0.0)) if np.isfinite(model.theta).all() else math.inf
         yield Finding("" if poles < 1.0 else "it is not stable", {"room_of_poles": 1.0 - poles})
-        gears = [model.apply(before, sample.current_ma, {**sample.signals, "gear": gear}) for gear in GEARS]
+        seen = [{**sample.signals, "gear": gear} for gear in GEARS]
+        gears = [model.apply(before, sample.current_ma, signals) for signals in seen]
         gain = min(model.dc_gain_mps_per_ma * state.gain for state in gears)
         yield Finding("" if gain > 0.0 else "its steady gain is not positive", {"gain_mps_per_ma": gain})
         _, taps, *_ = model.split(model.theta)
         delay_s = model.period_s * (model.delay + float(np.arange(model.nb) @ taps) / sum(taps))
         within = model.delay <= round(delay_s / model.period_s, 6) <= model.delay + model.nb - 1
         yield Finding("" if within else "its delay is not within its taps", {"delay_s": delay_s})
-        for pace, hill in product(sorted({state.pace for state in gears}), GAINS):
-            if hill and pace == 1.0:  # both gains are one
+        paces = {model.usual_pace(state, signals) for state, signals in zip(gears, seen, strict=True)}
+        yieldings = {factor(model.stroke_share, speed_mps) for speed_mps in STROKES_MPS}
+        for pace, hill, yielding in product(sorted(paces), GAINS, sorted(yieldings)):
+            if hill and pace >= 1.0:  # both gains are one
                 continue
-            law = Law(model, self.control, pace, hill)
+            law = Law(model, self.control, pace, hill, yielding)
             yield self._judged(law.around(model), [law.around(other) for other in others])
 
     def _judged(self, own: Margins, others: Sequence[Margins]) -> Finding:

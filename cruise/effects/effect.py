@@ -156,6 +156,13 @@ class Effect(ABC):
         """
         return 1.0
 
+    def yielding(self, signals: Signals) -> Value:
+        """How many times the speed a force costs that it costs in second gear, 1 for most.
+
+        A model that knows how its drive yields (`cruise.model.core`) slows down by this, not by `pace`.
+        """
+        return 1.0
+
     def restructured(self, na: int, nb: int, delay: int, period_s: float) -> tuple[int, int, int]:
         """Orders and delay in samples of a model with this effect, from those of one without: the same for most."""
         return na, nb, delay

@@ -5,7 +5,9 @@
 v_max,i top speed in gear i in m/s at rated engine speed; alpha slows the poles (y_k = alpha f(u, y) + (1 - alpha)
 y_(k-1)). Source: equations 10 to 12 of Coen et al. 2005: preservation of power gives alpha with e = 2 for gears 3 and
 4, and first gear reaches its top speed in the same time as second, which is alpha = 1. How much of the inertia lies
-before the gearbox the data say: e = 0 is a machine that is as quick in every gear.
+before the gearbox the data say: e = 0 is a machine that is as quick in every gear. Where a model has the lags of its
+servo apart from how the drive yields, g^e is how much more it yields than in second gear, in every gear: a force at the
+wheels is g times as much at the motor, and what the motor loses g times as much at the wheels.
 """
 
 from dataclasses import dataclass
@@ -60,6 +62,13 @@ class GearRatio(Effect):
     def step(self, value: Value, past_speed: Value, signals: Signals, state: State, dt_s: float) -> tuple[Value, State]:
         """The gain so far, scaled to the engaged gear."""
         return value * self.ratio(signals["gear"]), state
+
+    def yielding(self, signals: Signals) -> Value:
+        """g^e, 1 where nothing is driven."""
+        ratio = self.ratio(signals["gear"])
+        if isinstance(ratio, float):
+            return ratio**self.pace_exponent if ratio > 0.0 else ratio * 0.0 + 1.0
+        return np.where(ratio > 0.0, ratio, ratio * 0.0 + 1.0) ** self.pace_exponent
 
     def pace(self, signals: Signals, state: State) -> Value:
         """alpha of equation 12: less than 1 where the gear is higher than second."""

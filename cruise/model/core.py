@@ -1,12 +1,17 @@
 """The drive's linear core in physical terms, and the discrete parameters that follow from it.
 
-    w = S_2 S_1 v(t - T_d),   S_i lags of tau_i        T_v dy/dt = K g w + sum_m c_m phi_m + c_0 - y
+    w = S_2 S_1 v(t - T_d),   S_i lags of tau_i        T_v l dy/dt = K g w + l sum_m c_m phi_m + c_0 - y
+    l = i (1 + s (K |w| / v_0 - 1)),   v_0 = 1.5 m/s
 
 v drive signal f(u) in mA, T_d delay in s, tau_1 and tau_2 lags of servo and solenoid in s, T_v time constant of the
 vehicle in s (its inertia over the stiffness of the drive, viscous friction included), K gain in m/s per mA, c_m and c_0
-what loads and rolling friction take, in m/s at rest. Over samples of T, which are means over one period,
+what loads and rolling friction take, in m/s at rest. l is how far the drive yields at its stroke: a force, that of a
+slope or of the mass which is accelerated, takes pressure, and pressure takes speed: by leakage the same at any stroke,
+but from a pump whose swash plate nothing holds a part of the stroke that there is. s is the share of this at v_0, i
+what the gear does to it (`Effect.yielding`); without s, l = 1, and gears slow the drive by equation 12 of the paper.
+Over samples of T, which are means over one period,
 
-    y_k = a y_(k-1) + (1 - a) [ K g sum_j h_j v_(k-j) + sum_m c_m phi_m + c_0 ],   a = exp(-T / T_v)
+    y_k = a y_(k-1) + (1 - a) [ K g sum_j h_j v_(k-j) + l sum_m c_m phi_m + c_0 ],   a = exp(-T / (T_v l))
     h = d * s_1 * s_2,   d_n = 1 - f, d_(n+1) = f for T_d = (n + f) T
     s_i,0 = 1 - (1 - q_i) tau_i / T,   s_i,j = (1 - q_i)^2 q_i^(j-1) tau_i / T,   q_i = exp(-T / tau_i)
 
@@ -46,9 +51,10 @@ class Core:
     damping: float = 0.3
     servo_hz: float = 0.0
     servo_damping: float = 0.8
+    stroke_share: float = 0.0
 
     def pole(self, period_s: float) -> float:
-        """a = exp(-T / T_v)."""
+        """a = exp(-T / T_v), at the stroke for v_0."""
         return math.exp(-period_s / self.time_constant_s)
 
     def felt(self, drive_ma: np.ndarray, period_s: float) -> np.ndarray:
@@ -139,4 +145,4 @@ def discretised(
     b = (1.0 - a) * core.gain_mps_per_ma * share
     c = [(1.0 - a) * load for load in loads]
     theta = (a, *b.tolist(), *c, (1.0 - a) * offset_mps)
-    return Model(period_s, 1, len(b), delay, effects, theta)
+    return Model(period_s, 1, len(b), delay, effects, theta, stroke_share=core.stroke_share)

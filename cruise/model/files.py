@@ -34,6 +34,7 @@ class CustomTerm(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 NotNegative = Annotated[float, msgspec.Meta(ge=0)]
+StrokeShare = Annotated[float, msgspec.Meta(ge=0, le=0.95)]
 
 
 class Provenance(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -61,6 +62,7 @@ class PhysicalCore(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     damping: Annotated[float, msgspec.Meta(gt=0, lt=1)] = 0.3
     servo_hz: NotNegative = 0.0  # 0: there is none
     servo_damping: Annotated[float, msgspec.Meta(gt=0, lt=1)] = 0.8
+    stroke_share: StrokeShare = 0.0  # 0: a time constant that is the same at any stroke
     loads_mps: dict[str, float] = {}  # by effect, per unit of its phi
     offset_mps: float = 0.0
     effects: tuple[str, ...] = ()  # that have no term but live in this core: transport_delay, resonance
@@ -80,6 +82,7 @@ class ModelFields(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     parameters: dict[str, float]
     standard_errors: dict[str, NotNegative] = {}
     residual_std_mps: Positive = 0.02
+    stroke_share: StrokeShare = 0.0  # of the vehicle's time constant, that rises with the stroke
     noise_parameters: tuple[float, ...] = ()  # c_1 .. of an ARMAX model, which driving leaves aside
     provenance: Provenance = Provenance()
 
@@ -135,7 +138,7 @@ def model_of(path: str | Path, file: ModelFields) -> Model:
     names = empty.parameter_names
     std = tuple(file.standard_errors[name] for name in names) if file.standard_errors else ()
     theta = tuple(file.parameters[name] for name in names)
-    model = Model(file.period_s, file.na, file.nb, delay, effects, theta, std, file.residual_std_mps)
+    model = Model(file.period_s, file.na, file.nb, delay, effects, theta, std, file.residual_std_mps, file.stroke_share)
     if file.core is not None:
         _check_core(path, file.core, model)
     return model
@@ -180,6 +183,7 @@ def file_of(
         parameters=dict(zip(names, model.theta, strict=True)),
         standard_errors=dict(zip(names, model.theta_std, strict=True)) if model.theta_std else {},
         residual_std_mps=model.residual_std_mps,
+        stroke_share=model.stroke_share,
         family=family,
         noise_parameters=noise_parameters,
         provenance=provenance,
@@ -200,6 +204,10 @@ def _check_core(path: str | Path, core: PhysicalCore, model: Model) -> None:
     for key, here, there in (("na", model.na, 1), ("nb", model.nb, meant.nb), ("delay", model.delay, meant.delay)):
         if here != there:
             raise SettingsError(f"{path}: core: asks for {key} of {there} samples, the model has {here}; {remedy}")
+    if model.stroke_share != core.stroke_share:
+        raise SettingsError(
+            f"{path}: stroke_share: {model.stroke_share:g}, by the core it is {core.stroke_share:g}; {remedy}"
+        )
     for name, here, there in zip(model.parameter_names, model.theta, meant.theta, strict=True):
         if not math.isclose(here, there, rel_tol=AGREE, abs_tol=1e-9):
             raise SettingsError(f"{path}: parameters.{name}: {here:g}, by the core it is {there:g}; {remedy}")

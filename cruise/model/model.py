@@ -4,9 +4,12 @@
           + (1 - alpha) y_(k-1)
 
 y ground speed in m/s, u pump current in mA, s the other measured signals, all means over one period; f the command
-effects, g the gain effects, phi the load effects, d the delay in samples, alpha the pace of the gears. a (na,), b
-(nb,), c (m,) and c_0 are linear parameters, in this order in `theta`. Source: equations 3, 11 and 12 of Coen et al.
+effects, g the gain effects, phi the load effects, d the delay in samples, alpha the pace of gears and stroke. a (na,),
+b (nb,), c (m,) and c_0 are linear parameters, in this order in `theta`. Source: equations 3, 11 and 12 of Coen et al.
 2005, widened by effects.
+
+A drive yields more at a greater stroke (`cruise.model.core`), by l = i (1 + s (K |w| / v_0 - 1)) with K w = sum_j b_j
+f(u)_(k-d-j) / (1 - a): phi is multiplied by it, and the pace is (1 - a^(1/l)) / (1 - a).
 
 Everything works elementwise: on floats while driving, on arrays of start points when a recording is predicted from
 every sample at once.
@@ -22,6 +25,7 @@ import numpy as np
 
 from cruise.effects import Effect, Inverse, Stage
 from cruise.effects.effect import State, Value
+from cruise.effects.stroke import factor
 from cruise.signals import Signals
 
 Undo = Callable[[Effect, Inverse, Signals, State], Inverse]
@@ -34,6 +38,16 @@ def exactly(effect: Effect, wanted: Inverse, signals: Signals, state: State) -> 
     return Inverse(math.nan, math.nan, refused=refused) if refused else Inverse(below.low, above.high)
 
 
+def yields(effect: Effect) -> bool:
+    """Whether an effect says how far the drive yields."""
+    return type(effect).yielding is not Effect.yielding
+
+
+def stroke_pace(pole: float, yielding: Value) -> Value:
+    """(1 - a^(1/l)) / (1 - a): the factor on a pole a > 0 of a drive that yields by l."""
+    return (1.0 - max(pole, 0.0) ** (1.0 / yielding)) / (1.0 - pole)
+
+
 class ModelState(NamedTuple):
     """All that the model remembers between two samples; newest first. Values are floats, or arrays of start points."""
 
@@ -41,7 +55,7 @@ class ModelState(NamedTuple):
     drives: tuple[Value, ...]  # f(u)_k ..., mA, reaching back over delay and order
     gain: Value  # g(s_k)
     pace: Value  # alpha(s_k)
-    loads: tuple[Value, ...]  # phi_m(s_k, y_(k-1))
+    loads: tuple[Value, ...]  # l_k phi_m(s_k, y_(k-1))
     effects: tuple[State, ...]  # one per effect
 
 
@@ -113,12 +127,15 @@ class Model:
     theta: tuple[float, ...]  # a, b, c, c_0
     theta_std: tuple[float, ...] = ()  # standard errors of the fit, the trust that learning puts into it
     residual_std_mps: float = 0.02  # one step ahead
+    stroke_share: float = 0.0  # s, of how far it yields, that is in proportion to the stroke
 
     def __post_init__(self) -> None:
         if self.period_s <= 0 or min(self.na, self.nb, self.delay) < 0 or self.na + self.nb < 1:
             raise ValueError(f"no such structure: na={self.na}, nb={self.nb}, delay={self.delay}, {self.period_s} s")
         if len(self.theta) != len(self.parameter_names):
             raise ValueError(f"{len(self.theta)} parameters given, {len(self.parameter_names)} needed")
+        if self.stroke_share and self.na != 1:
+            raise ValueError(f"the stroke slows down a drive of one pole, not of na={self.na}")
 
     # -- structure
 
@@ -147,8 +164,9 @@ class Model:
 
     @cached_property
     def pacing_effects(self) -> tuple[tuple[int, Effect], ...]:
-        """The effects that move the poles."""
-        return tuple((i, effect) for i, effect in enumerate(self.effects) if type(effect).pace is not Effect.pace)
+        """The effects that move the poles, but for those by which the drive yields, where the model knows how."""
+        paces = ((i, effect) for i, effect in enumerate(self.effects) if type(effect).pace is not Effect.pace)
+        return tuple((i, effect) for i, effect in paces if not (self.stroke_share and yields(effect)))
 
     @cached_property
     def reads_speed(self) -> bool:
@@ -201,17 +219,43 @@ class Model:
         """One sample on, with `drive` going through `chain`, which is all or the end of the command effects."""
         last, dt_s = state.speeds[0], self.period_s
         memory = list(state.effects)
-        gain, pace, loads = 1.0, 1.0, []
+        gain, loads = 1.0, []
         for i, effect in chain:
             drive, memory[i] = effect.step(drive, last, signals, memory[i], dt_s)
+        drives = (drive, *state.drives[:-1])
+        yielding = self.yielding(drives, signals)
+        pace = self.stroke_pace(yielding)
         for i, effect in self.gain_effects:
             gain, memory[i] = effect.step(gain, last, signals, memory[i], dt_s)
         for i, effect in self.pacing_effects:
             pace = pace * effect.pace(signals, memory[i])
         for i, effect in self.load_effects:
             load, memory[i] = effect.step(0.0, last, signals, memory[i], dt_s)
-            loads.append(load)
-        return ModelState(state.speeds, (drive, *state.drives[:-1]), gain, pace, tuple(loads), tuple(memory))
+            loads.append(yielding * load)
+        return ModelState(state.speeds, drives, gain, pace, tuple(loads), tuple(memory))
+
+    def yielding(self, drives: Sequence[Value], signals: Signals) -> Value:
+        """l, how far the drive yields at the stroke that the vehicle feels; `drives` f(u)_k ... in mA, newest first."""
+        if not self.stroke_share:
+            return 1.0
+        a, b, *_ = self.split(self.theta)
+        felt_mps = sum(value * v for value, v in zip(b, drives[self.delay :], strict=False)) / (1.0 - sum(a))
+        return factor(self.stroke_share, felt_mps) * self.gear_yielding(signals)
+
+    def gear_yielding(self, signals: Signals) -> Value:
+        """i, what of it the gear does."""
+        if not self.stroke_share:
+            return 1.0
+        return math.prod(effect.yielding(signals) for effect in self.effects if yields(effect))
+
+    def usual_pace(self, state: ModelState, signals: Signals) -> Value:
+        """The factor on the poles now, but for a usual stroke."""
+        whole, gear = self.yielding(state.drives, signals), self.gear_yielding(signals)
+        return state.pace / self.stroke_pace(whole) * self.stroke_pace(gear)
+
+    def stroke_pace(self, yielding: Value) -> Value:
+        """The factor on the pole of a drive that yields so far."""
+        return stroke_pace(self.theta[0], yielding) if self.stroke_share else 1.0
 
     def observe(self, state: ModelState, speed_mps: Value) -> ModelState:
         """The state once the speed of sample k is known too."""

@@ -79,19 +79,22 @@ def states_over(
     """
     past, *_ = lags(speeds_mps, 1, 1)
     memory: list[State] = [None] * len(model.effects)
-    drives, gain, pace, loads = currents_ma, 1.0, 1.0, []
+    drives, gain, loads = currents_ma, 1.0, []
     for i, effect in model.command_effects:
         drives, memory[i] = over(effect, drives, past, signals, model.period_s)
+    past_drives = lags(drives, 0, max(model.delay + model.nb, 1) - 1)
+    yielding = model.yielding(past_drives, signals)
+    pace = model.stroke_pace(yielding)
     for i, effect in model.gain_effects:
         gain, memory[i] = over(effect, gain, past, signals, model.period_s)
     for i, effect in model.pacing_effects:
         pace = pace * effect.pace(signals, memory[i])
     for i, effect in model.load_effects:
         load, memory[i] = over(effect, 0.0, past, signals, model.period_s)
-        loads.append(load)
+        loads.append(yielding * load)
     state = ModelState(
         lags(speeds_mps, 1, max(model.na, 1)),
-        lags(drives, 0, max(model.delay + model.nb, 1) - 1),
+        past_drives,
         gain,
         pace,
         tuple(loads),

@@ -101,6 +101,9 @@ def layout(start: Explanation, longest_delay_s: float, gain_scale: float, free: 
     if start.core.servo_hz:
         pair = [(name, CORE[name]) for name in ("servo_hz", "servo_damping")]
         slots += [Slot("core", name, b.low, b.high, 0.3 * (b.high - b.low)) for name, b in pair]
+    if start.core.stroke_share:
+        bound = CORE["stroke_share"]
+        slots.append(Slot("core", "stroke_share", bound.low, bound.high, 0.3))
     if "resonance" in start.structural:
         slots += [Slot("core", name, b.low, b.high, 0.3 * (b.high - b.low)) for name, b in RESONANCE.items()]
     slots.append(Slot("offset", "offset_mps", -FAR, FAR, 0.1))

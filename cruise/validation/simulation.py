@@ -1,6 +1,6 @@
 """Simulation of recordings by many explanations side by side, in segments that each start at a measured speed.
 
-    y_k = pi_k [ a y_(k-1) + (1 - a)(K g_k w_k + sum_m c_m phi_m,k + c_0) ] + (1 - pi_k) y_(k-1),   w = h * f(u)
+    y_k = pi_k [ a y_(k-1) + (1 - a)(K g_k w_k + l_k sum_m c_m phi_m,k + c_0) ] + (1 - pi_k) y_(k-1),   w = h * f(u)
 
 Every segment starts `WARM_UP_S` before the first sample on which it is judged and ends `JUDGED_S` after it; the judged
 parts of all segments tile the recording. So every error is that of a prediction at least 3 s ahead, no disturbance is
@@ -16,7 +16,9 @@ from typing import Any, Final
 import numpy as np
 
 from cruise.effects import Effect, Stage, over
+from cruise.effects.stroke import factor
 from cruise.model.core import Core
+from cruise.model.model import stroke_pace, yields
 from cruise.model.prediction import standing_held
 from cruise.recording import Recording
 from cruise.signals import OUTPUT
@@ -179,7 +181,7 @@ class Scene:
 
     def felt(self, core: Core, effects: Sequence[Effect]) -> np.ndarray:
         """w (N,) in mA: means of what arrives at the vehicle, lagged and delayed at the rate of the measurement."""
-        shape = replace(core, gain_mps_per_ma=0.0, time_constant_s=1.0)
+        shape = replace(core, gain_mps_per_ma=0.0, time_constant_s=1.0, stroke_share=0.0)
 
         def make() -> np.ndarray:
             parts = []
@@ -200,6 +202,7 @@ class Scene:
         forced = np.empty((len(batch), len(self)))
         gained = np.empty_like(forced)  # K g w without the gains that read the speed
         paces: list[np.ndarray | None] = []
+        yieldings: list[Any] = []
         for row, one in enumerate(batch):
             command = [one.effects[i] for i in chain if one.effects[i].stage is Stage.COMMAND]
             drive, key = self.drive(command)
@@ -207,12 +210,20 @@ class Scene:
             pace = None
             for i in range(len(effects)):
                 effect = one.effects[i]
-                if type(effect).pace is not Effect.pace:
+                if type(effect).pace is not Effect.pace and not (one.core.stroke_share and yields(effect)):
                     state = self.over(effect, drive, (key, "paced"))[1] if effect.stage is Stage.DYNAMICS else None
                     mine = self._kept((effect, key, "pace"), lambda e=effect, s=state: e.pace(self.signals, s))
                     pace = mine if pace is None else pace * mine
-            paces.append(pace)
             gain = one.core.gain_mps_per_ma * felt
+            yielding: Any = 1.0
+            if one.core.stroke_share:
+                yielding = factor(one.core.stroke_share, gain)
+                for effect in filter(yields, effects):
+                    yielding = yielding * effect.yielding(self.signals)
+                slowed = stroke_pace(one.core.pole(self.period_s), yielding)
+                pace = slowed if pace is None else pace * slowed
+            paces.append(pace)
+            yieldings.append(yielding)
             load = np.full(len(self), one.offset_mps)
             place = 0
             for i in range(len(effects)):
@@ -222,13 +233,15 @@ class Scene:
                 elif effect.acts_as is Stage.LOAD:
                     if i not in reading:
                         phi = self.over(effect, 0.0, "load")[0]
-                        load += one.loads[place] * (np.where(self.held, 0.0, phi) if effect.brakes_hold else phi)
+                        phi = np.where(self.held, 0.0, phi) if effect.brakes_hold else phi
+                        load += one.loads[place] * yielding * phi
                     place += 1
             gained[row], forced[row] = gain, load
         poles = np.array([one.core.pole(self.period_s) for one in batch])[:, None]
         known = [np.broadcast_to(one, len(self)) for one in paces if one is not None]
         pace = np.array(known) if known else None
-        return self._recursion(batch, poles, gained, forced, pace, reading)
+        yielding = np.array([np.broadcast_to(one, len(self)) for one in yieldings]) if first.core.stroke_share else None
+        return self._recursion(batch, poles, gained, forced, pace, yielding, reading)
 
     def _recursion(
         self,
@@ -237,6 +250,7 @@ class Scene:
         gained: np.ndarray,
         forced: np.ndarray,
         pace: np.ndarray | None,
+        yielding: np.ndarray | None,
         reading: Sequence[int],
     ) -> np.ndarray:
         if not self.steps.size:
@@ -250,6 +264,7 @@ class Scene:
         speed = np.broadcast_to(self.start_mps, (len(batch), self.steps.shape[1]))
         memory = {i: stacked[i].start(np.zeros(speed.shape)) for i in reading}
         paces = None if pace is None else pace.take(self.steps, axis=1)
+        forces = None if yielding is None or not loads else yielding.take(self.steps, axis=1)
         if reading:
             gains, speeds = gained.take(self.steps, axis=1), forced.take(self.steps, axis=1)  # (P, T, S)
         else:  # nothing reads the speed: one sum drives it
@@ -261,7 +276,7 @@ class Scene:
                 for i in reading:
                     if i in loads:
                         phi, memory[i] = stacked[i].step(0.0, speed, now, memory[i], self.period_s)
-                        load = load + loads[i] * phi
+                        load = load + loads[i] * (phi if forces is None else forces[:, step] * phi)
                     else:
                         gain, memory[i] = stacked[i].step(gain, speed, now, memory[i], self.period_s)
                 fresh = poles * speed + (1.0 - poles) * (gain + load)

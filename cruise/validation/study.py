@@ -82,7 +82,8 @@ def study(
     slope = float(np.polyfit(scene.current_ma[known], scene.speed_mps[known], 1)[0])
     longest_s = min(structure.delay_s + max(0.5 * (structure.nb - 1), 0.5) * period_s, 2.0)  # of its middle tap
     search = Search(scene, longest_s, max(abs(slope) / 3.0, 1e-6), _fixed(effects, prepared))
-    explanation = Explanation(replace(START, gain_mps_per_ma=slope, delay_s=min(START.delay_s, 0.5 * longest_s)))
+    core = replace(START, gain_mps_per_ma=slope, delay_s=min(START.delay_s, 0.5 * longest_s))
+    explanation = Explanation(replace(core, stroke_share=file.stroke_share) if file else core)
     judged_s = np.isfinite(scene.errors([explanation])).sum() * period_s
     if judged_s < SHORTEST_S:
         raise FitError(

@@ -54,6 +54,7 @@ def settings_of(file: ModelFile) -> list[Setting]:
         found.append(Setting(f"{effect}.load", "m/s", value, low, high, "steady speed that one unit of phi brings"))
     names = ["gain_mps_per_ma", "delay_s", "lag_s", "second_lag_s", "time_constant_s"]
     names += ["servo_hz", "servo_damping"] if core.servo_hz else []
+    names += ["stroke_share"] if core.stroke_share else []
     names += list(RESONANCE) if core.resonance_share else []
     for name in names:
         bound, value = {**CORE, **RESONANCE}[name], getattr(core, name)

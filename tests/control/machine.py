@@ -25,7 +25,7 @@ RATIO = {1: 1.4 / 2.5, 2: 1.0, 3: 4.4 / 2.5, 4: 7.5 / 2.5}
 
 @dataclass
 class Machine:
-    """y_k = A y_(k-1) + (1 - A) (g K v_(k-d) + w),   A = a^(alpha / 4), a pole over 0.2 s.
+    """y_k = A y_(k-1) + (1 - A) (g K v_(k-d) + w),   A = a^(alpha / 4 l), a pole over 0.2 s.
 
     v = x + 0.5e-3 x^2, x = max(u - 400, 0); as the model: delay and pole give its mean delay of 0.8 s.
     """
@@ -37,6 +37,7 @@ class Machine:
     rpm: float = 2100.0
     gear: int = 2
     band_ma: float = 0.0
+    stroke_share: float = 0.0  # of its time constant that is in proportion to the stroke, as it is at 1.5 m/s
     frame_s: float = FRAME_S
 
     def __post_init__(self) -> None:
@@ -50,7 +51,8 @@ class Machine:
         beyond = max(self.acts_ma - 400.0, 0.0)
         self.past.append(beyond + 0.5e-3 * beyond**2)
         ratio = RATIO[self.gear]
-        pole = self.pole ** (min(1.0, ratio**-2) * self.frame_s / PERIOD_S)
+        slower = 1.0 - self.stroke_share + self.stroke_share * self.gain * self.past[0] / 1.5
+        pole = self.pole ** (min(1.0, ratio**-2) * self.frame_s / PERIOD_S / slower)
         steady_mps = self.gain * self.past[0] * ratio * self.rpm / 2100.0 + self.load_mps
         self.speed_mps = pole * self.speed_mps + (1.0 - pole) * steady_mps
         self.time_s += self.frame_s

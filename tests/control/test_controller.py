@@ -84,6 +84,19 @@ def test_there_is_no_steady_state_error_and_little_overshoot(name):
     assert start_mps - min(loop.speeds[down:]) < most * (top_mps - start_mps)
 
 
+def test_a_drive_that_yields_more_at_a_greater_stroke_is_driven_as_it_is():
+    """From creeping to fast and back, with a model that knows it and with one that does not."""
+
+    def beyond_mps(model):
+        loop = Loop(Machine(pole=0.75, stroke_share=0.8, delay=8), model).by_hand(600.0, 20.0).engaged(0.4, 10.0)
+        up, down = (np.array(loop.engaged(wish, 20.0).speeds[-400:]) for wish in (2.0, 0.4))
+        return max(up.max() - 2.0, 0.4 - down.min())
+
+    knowing = replace(MODEL, theta=(0.75, 1e-4, 3e-4, 3.5e-4, 0.01), stroke_share=0.8, delay=1)
+    assert beyond_mps(knowing) < 0.005
+    assert beyond_mps(replace(knowing, stroke_share=0.0)) > 0.015
+
+
 def test_a_step_of_load_is_taken_up():
     loop = Loop(Machine()).by_hand(700.0, 20.0).engaged(1.3, 20.0)
     loop.machine.load_mps -= 0.1

@@ -9,7 +9,7 @@ import pytest
 
 from cruise.control.controller import Controller, ControlSettings
 from cruise.control.margins import Drive, FirstMove, Law
-from cruise.control.observer import DisturbanceObserver, ObserverSettings
+from cruise.control.observer import DisturbanceObserver
 from cruise.control.predictive import Programme
 from cruise.control.shaping import CommandShaper
 from cruise.effects.gear_ratio import GearRatio
@@ -130,15 +130,11 @@ def test_another_delay_and_pole_in_the_machine_count(pace):
 @pytest.mark.parametrize("gear", [2.0, 4.0])
 @pytest.mark.parametrize("hz", [0.1, 0.5, 2.0])
 def test_the_response_is_that_of_the_controller_that_drives(hz, gear):
-    """A ripple of the speed, small enough that nothing is limited and the observer stays calm; the current flows.
-
-    With a drive that is as slow at any stroke as where it was learned, which is what the margins are asked for.
-    """
+    """A ripple of the speed, small enough that nothing is limited and the observer stays calm; the current flows."""
     signals = {"gear": gear}
-    settings = ControlSettings(observer=ObserverSettings(stroke_share=0.0))
     ratio = GEARS.ratio(gear)
     law = Law(MODEL, SETTINGS, GEARS.pace(signals, ()), hz=np.array([hz]))
-    controller = Controller(MODEL, settings)
+    controller = Controller(MODEL, SETTINGS)
     frames = round(max(30.0, 6.0 / hz) / FRAME_S)
     rippled = 0.002 * np.sin(2.0 * math.pi * hz * FRAME_S * np.arange(frames))
     still_mps, sent = 1.2 * ratio, [1.2 / MODEL.dc_gain_mps_per_ma]

@@ -45,6 +45,14 @@ def test_the_factory_model_may_drive_in_every_gear():
         assert figures["phase_margin_deg"] > 40.0
 
 
+def test_a_drive_that_yields_by_its_stroke_is_judged_creeping_and_hurrying():
+    """First and second gear have one gain of the observer, the others two."""
+    yielding = replace(FACTORY, stroke_share=0.6)
+    judged = [one.figures for one in findings(yielding, (yielding,)) if "gain_margin" in one.figures]
+    assert len(judged) == (2 + 2 * 2) * 2
+    assert len({figures["phase_margin_deg"] for figures in judged}) == len(judged)
+
+
 @pytest.mark.parametrize(
     ("model", "why"),
     [

@@ -22,6 +22,25 @@ def test_steady_signals_have_no_trend_and_a_gear_is_none():
     assert trend.rate_mps2(1.5) == pytest.approx(0.0, abs=1e-12)
 
 
+def test_what_comes_while_the_drive_moves_is_believed_when_it_lasts():
+    """An engine that dips by a twentieth and a load beside it: at once while it is calm, within seconds otherwise."""
+    trend = Trend(0.5, 0.05)
+    for k in range(400):
+        trend.step(1.0 if k < 200 else 0.95, 0.0 if k < 200 else 0.1)
+        if k == 203:
+            assert trend.believed(1.0) == pytest.approx((0.95, 0.1))
+            assert trend.believed(0.0) == pytest.approx((1.0, 0.0), abs=0.006)
+            assert trend.believed(0.5) == pytest.approx((0.95**0.25, 0.025), abs=0.006)
+    assert trend.believed(0.0) == pytest.approx((0.95, 0.1), abs=0.01)
+
+
+def test_a_gear_is_believed_at_once():
+    trend = Trend(0.5, 0.05)
+    for gain in [1.0] * 50 + [1.7]:
+        trend.step(gain, 0.1)
+    assert trend.believed(0.0) == pytest.approx((1.7, 0.1))
+
+
 def test_neutral_and_the_first_sample_are_no_trend():
     trend = Trend(0.5, 0.05)
     assert trend.rate_mps2(1.0) == 0.0

@@ -32,6 +32,7 @@ cores = st.builds(
     damping=st.floats(0.1, 0.9),
     servo_hz=st.sampled_from([0.0, 0.5, 3.0]),
     servo_damping=st.floats(0.6, 0.99),
+    stroke_share=st.sampled_from([0.0, 0.4]),
 )
 
 
@@ -76,6 +77,7 @@ CHANGES = {
     "second_lag_s": 0.02,
     "resonance_share": 0.1,
     "servo_hz": 3.0,
+    "stroke_share": 0.3,
     "offset_mps": 0.2,
 }
 

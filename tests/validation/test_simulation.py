@@ -114,10 +114,11 @@ CASES: dict[str, tuple[tuple[Effect, ...], tuple[float, ...]]] = {
 }
 
 
+@pytest.mark.parametrize("stroke_share", [0.0, 0.6])
 @pytest.mark.parametrize(("effects", "loads"), CASES.values(), ids=CASES)
-def test_a_scene_simulates_what_the_discrete_model_predicts(effects, loads):
+def test_a_scene_simulates_what_the_discrete_model_predicts(effects, loads, stroke_share):
     one = recording()
-    explanation = Explanation(CORE, effects, loads, 0.1)
+    explanation = Explanation(replace(CORE, stroke_share=stroke_share), effects, loads, 0.1)
     (simulated,) = scene_of(one).simulate([explanation])
     by_model = predicted(explanation, one)
     known = np.isfinite(by_model)

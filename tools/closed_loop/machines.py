@@ -33,6 +33,7 @@ SLOPE_S: Final = 0.4  # s, through which a slope is seen: the acceleration of on
 LONGEST_DELAY_S: Final = 1.1
 LESSON_S: Final = 900.0  # s of driving by hand that teaches the model
 HAND_MA_PER_S: Final = 300.0  # mA/s, of a lever that is moved by hand
+STROKE_SHARE: Final = 0.5  # where the fit of how far the drive yields begins: leakage and pump half and half
 GEAR_MA, GEAR_S = (700.0, 900.0), 20.0  # mA and s, two runs in each gear
 STRUCTURE: Final = "arx:na=1,nb=4,delay_s=0.4+dead_zone+quadratic_gain+engine_speed+grade+hysteresis+oil_temperature"
 MACHINES: Final[dict[str, dict]] = {
@@ -146,7 +147,8 @@ def _with(begun: Study, **slope: float) -> Judged:
     explanation = begun.base.explanation
     effects = tuple(_grade(one, **slope) for one in explanation.effects)
     search = Search(begun.search.scene, LONGEST_DELAY_S, begun.search.gain_scale, begun.search.fixed | SLOPE)
-    return search.judged("", search.regrown(search.fitted(replace(explanation, effects=effects))))
+    core = replace(explanation.core, stroke_share=STROKE_SHARE)
+    return search.judged("", search.regrown(search.fitted(replace(explanation, core=core, effects=effects))))
 
 
 def _grade(effect: Effect, **slope: float) -> Effect:

@@ -21,7 +21,7 @@ model predictive control", J. Process Control 12 (2002)).
 
 A hill takes 1/alpha as much of the steady speed as in a slow gear and comes as quickly, but so quick a filter would
 leave fourth gear no margins (1.5 and 38 degrees), and take for a hill whatever the model has wrong at a step of the
-reference. K_1 is that of noise over alpha^(1/4), not times its root (1.9 and 53 degrees; 2.2 and 60 in second). As
+reference. K_1 is that of the noise of a slow gear, not times sqrt(alpha) (2.0 and 57 degrees; 2.2 and 60 there). As
 much of it counts as what lasts of the innovations, m, is more than chance, of variance V: the noise is as great as the
 innovations show (D. H. Zhou and P. M. Frank, "Strong tracking filtering of nonlinear time-varying stochastic systems
 with coloured noise", Int. J. Control 65 (1996)).
@@ -239,7 +239,7 @@ class DisturbanceObserver:
 
         usual = gain(math.sqrt(pace))
         variance = settings.speed_noise_mps**2 / (1.0 - float(SEEN @ usual))
-        return Filter(found.F, usual, gain(pace**-0.25), variance)
+        return Filter(found.F, usual, gain(1.0), variance)
 
     def shift(self, disturbance_mps: float) -> None:
         """Move the disturbance by what a change of the model explains differently, so that the change makes no bump."""

@@ -41,7 +41,7 @@ def noises(settings, pace, exponent=0.5):
     return moves, block_diag(FRAME_S * np.diag([speed, disturbance]) ** 2, ripple)
 
 
-@pytest.mark.parametrize(("name", "exponent"), [("gain", 0.5), ("hill_gain", -0.25)])
+@pytest.mark.parametrize(("name", "exponent"), [("gain", 0.5), ("hill_gain", 0.0)])
 def test_its_gains_are_those_of_the_riccati_equation(name, exponent):
     settings = ObserverSettings()
     pace = 0.5
@@ -67,7 +67,7 @@ def behind_a_hill(rate_mps2, pace):
 def test_a_hill_in_a_fast_gear_is_followed_nearly_as_in_a_slow_one_and_little_as_slowly_as_before():
     little, much = (behind_a_hill(rate_mps2, 0.118) for rate_mps2 in (0.01, 0.4))
     assert little > 2.5
-    assert much < 1.6
+    assert much < 2.1
     assert behind_a_hill(0.4, 1.0) == pytest.approx(behind_a_hill(0.01, 1.0)), "a slow gear has one gain"
 
 

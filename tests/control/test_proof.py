@@ -76,13 +76,12 @@ def test_the_margin_around_the_one_that_drives_counts_too():
 
 
 def test_the_margins_with_the_gain_for_what_lasts_count_too(monkeypatch: pytest.MonkeyPatch):
-    """A model of which only fourth gear's loop around the factory's machine is too near its end, on a hill."""
-    weak = changed(factor=1.0 / 1.55)
-    found = findings(weak)
-    assert found[-1].against == "its margins are too small"
-    assert found[-1].figures["wrong_gain_margin"] < 1.3 < found[-2].figures["wrong_gain_margin"]
+    """In fourth and third gear, slowest first, where that gain is the quicker one."""
+    judged = [one.figures["gain_margin"] for one in findings(FACTORY) if "gain_margin" in one.figures]
+    assert judged[1] < 0.8 * judged[0]
+    assert judged[3] < 0.9 * judged[2]
     monkeypatch.setattr("cruise.control.proof.GAINS", (0.0,))
-    assert against(weak) == ""
+    assert [one.figures["gain_margin"] for one in findings(FACTORY) if "gain_margin" in one.figures] == judged[::2]
 
 
 def test_the_least_margins_are_settings():

@@ -279,8 +279,8 @@ class Controller:
         if not state.gain > 0.0:  # neutral gear, or no drive at this engine speed
             self.limited = "no drive"
             return
-        share, load_mps = self.trend.believed(self.observer.calm)
-        gain = self._gain * share
+        believed, load_mps = self.trend.believed(self.observer.calm)
+        gain = self._gain * believed
         programme = self._programme(state)
         coming = [*self.past_references, *self.reference.preview(setpoint_mps, self.frame_s, programme.count)]
         reference = np.array(coming[1 : 1 + programme.count])

@@ -125,6 +125,11 @@ def model_of(path: str | Path, file: ModelFields) -> Model:
     shapes = file.effects | {name: {} for name in terms if name not in file.effects}
     effects = tuple(_effect(path, name, shape, terms.get(name)) for name, shape in shapes.items())
     delay = round(file.delay_s / file.period_s)
+    if file.stroke_share and file.na != 1:
+        raise SettingsError(
+            f"{path}: stroke_share: {file.stroke_share:g} slows down a drive of one pole, this one has na: {file.na}; "
+            "leave it out, or fit a model with na: 1"
+        )
     empty = Model(file.period_s, file.na, file.nb, delay, effects, (0.0,) * _count(file, effects))
     if abs(delay * file.period_s - file.delay_s) > 1e-6:
         raise SettingsError(f"{path}: delay_s: {file.delay_s} is no multiple of period_s, {file.period_s}")

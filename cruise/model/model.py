@@ -43,6 +43,11 @@ def yields(effect: Effect) -> bool:
     return type(effect).yielding is not Effect.yielding
 
 
+def paces(effect: Effect, stroke_share: float) -> bool:
+    """Whether an effect moves the poles by its pace: not where it does so by how far the drive yields."""
+    return type(effect).pace is not Effect.pace and not (stroke_share and yields(effect))
+
+
 def stroke_pace(pole: float, yielding: Value) -> Value:
     """(1 - a^(1/l)) / (1 - a): the factor on a pole a > 0 of a drive that yields by l."""
     return (1.0 - max(pole, 0.0) ** (1.0 / yielding)) / (1.0 - pole)
@@ -165,8 +170,7 @@ class Model:
     @cached_property
     def pacing_effects(self) -> tuple[tuple[int, Effect], ...]:
         """The effects that move the poles, but for those by which the drive yields, where the model knows how."""
-        paces = ((i, effect) for i, effect in enumerate(self.effects) if type(effect).pace is not Effect.pace)
-        return tuple((i, effect) for i, effect in paces if not (self.stroke_share and yields(effect)))
+        return tuple((i, effect) for i, effect in enumerate(self.effects) if paces(effect, self.stroke_share))
 
     @cached_property
     def reads_speed(self) -> bool:

@@ -22,7 +22,8 @@ CORE: Final[Mapping[str, Parameter]] = {
     "time_constant_s": Parameter("s", 0.03, 10.0, 0.6, "time constant of the vehicle"),
     "servo_hz": Parameter("Hz", 0.5, 4.0, 1.5, "frequency of the servo, where two lags are too few for it"),
     "servo_damping": Parameter("-", 0.6, 0.99, 0.8, "its damping: with less it is a resonance"),
-    "stroke_share": Parameter("-", 0.0, 0.9, 0.0, "share of the vehicle's time constant that rises with the stroke"),
+    # Not zero, where gears would slow the drive by another equation: a fit walks through no such edge.
+    "stroke_share": Parameter("-", 0.01, 0.9, 0.01, "share of how far the drive yields that rises with the stroke"),
 }
 RESONANCE: Final[Mapping[str, Parameter]] = {
     "resonance_share": Parameter("-", 0.0, 1.0, 0.0, "share of the drive that passes through the resonance"),

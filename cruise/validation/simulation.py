@@ -18,7 +18,7 @@ import numpy as np
 from cruise.effects import Effect, Stage, over
 from cruise.effects.stroke import factor
 from cruise.model.core import Core
-from cruise.model.model import stroke_pace, yields
+from cruise.model.model import paces, stroke_pace, yields
 from cruise.model.prediction import standing_held
 from cruise.recording import Recording
 from cruise.signals import OUTPUT
@@ -201,7 +201,7 @@ class Scene:
         reading = [i for i, effect in enumerate(effects) if effect.reads_speed]
         forced = np.empty((len(batch), len(self)))
         gained = np.empty_like(forced)  # K g w without the gains that read the speed
-        paces: list[np.ndarray | None] = []
+        paced: list[np.ndarray | None] = []
         yieldings: list[Any] = []
         for row, one in enumerate(batch):
             command = [one.effects[i] for i in chain if one.effects[i].stage is Stage.COMMAND]
@@ -210,7 +210,7 @@ class Scene:
             pace = None
             for i in range(len(effects)):
                 effect = one.effects[i]
-                if type(effect).pace is not Effect.pace and not (one.core.stroke_share and yields(effect)):
+                if paces(effect, one.core.stroke_share):
                     state = self.over(effect, drive, (key, "paced"))[1] if effect.stage is Stage.DYNAMICS else None
                     mine = self._kept((effect, key, "pace"), lambda e=effect, s=state: e.pace(self.signals, s))
                     pace = mine if pace is None else pace * mine
@@ -222,7 +222,7 @@ class Scene:
                     yielding = yielding * effect.yielding(self.signals)
                 slowed = stroke_pace(one.core.pole(self.period_s), yielding)
                 pace = slowed if pace is None else pace * slowed
-            paces.append(pace)
+            paced.append(pace)
             yieldings.append(yielding)
             load = np.full(len(self), one.offset_mps)
             place = 0
@@ -238,7 +238,7 @@ class Scene:
                     place += 1
             gained[row], forced[row] = gain, load
         poles = np.array([one.core.pole(self.period_s) for one in batch])[:, None]
-        known = [np.broadcast_to(one, len(self)) for one in paces if one is not None]
+        known = [np.broadcast_to(one, len(self)) for one in paced if one is not None]
         pace = np.array(known) if known else None
         yielding = np.array([np.broadcast_to(one, len(self)) for one in yieldings]) if first.core.stroke_share else None
         return self._recursion(batch, poles, gained, forced, pace, yielding, reading)
@@ -263,7 +263,7 @@ class Scene:
         signals = {name: self.signals[name][self.steps] for name in needed if name in self.signals}
         speed = np.broadcast_to(self.start_mps, (len(batch), self.steps.shape[1]))
         memory = {i: stacked[i].start(np.zeros(speed.shape)) for i in reading}
-        paces = None if pace is None else pace.take(self.steps, axis=1)
+        moved = None if pace is None else pace.take(self.steps, axis=1)
         forces = None if yielding is None or not loads else yielding.take(self.steps, axis=1)
         if reading:
             gains, speeds = gained.take(self.steps, axis=1), forced.take(self.steps, axis=1)  # (P, T, S)
@@ -283,7 +283,7 @@ class Scene:
                 fresh = np.clip(fresh, -RAN_AWAY_MPS, RAN_AWAY_MPS)  # further on there is no number any more
             else:
                 fresh = poles * speed + speeds[:, step]
-            speed = fresh if paces is None else speed + paces[:, step] * (fresh - speed)
+            speed = fresh if moved is None else speed + moved[:, step] * (fresh - speed)
             speeds[:, step] = speed  # in the place of what drove it
         result = speeds.reshape(len(batch), -1).take(self._place, axis=1)
         result[:, ~self.judged] = np.nan

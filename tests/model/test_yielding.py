@@ -5,12 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from cruise.effects.gear_ratio import GearRatio
 from cruise.effects.grade import Grade
+from cruise.model import files
 from cruise.model.core import Core, discretised
 from cruise.model.model import Model
 from cruise.model.prediction import ahead, free_run
+from cruise.settings import SettingsError
 from cruise.validation.explanation import Explanation
 
 GEARS = GearRatio(1.4, 2.5, 4.4, 7.8)
@@ -101,6 +104,12 @@ def test_a_whole_recording_and_single_steps_say_the_same():
 def test_a_stroke_that_slows_down_several_poles_is_refused():
     with pytest.raises(ValueError, match="a drive of one pole, not of na=2"):
         Model(0.2, 2, 1, 0, (), (0.4, 0.1, 1e-3, 0.0), stroke_share=0.3)
+
+
+def test_a_file_that_slows_down_several_poles_is_refused_in_words():
+    file = files.file_of("m.yaml", Model(0.2, 2, 1, 0, (), (0.4, 0.1, 1e-3, 0.0)), files.Provenance())
+    with pytest.raises(SettingsError, match=r"m\.yaml: stroke_share: 0\.3 slows down a drive of one pole.*na: 2;"):
+        files.model_of("m.yaml", structs.replace(file, stroke_share=0.3))
 
 
 def test_an_explanation_hands_its_share_to_the_model():

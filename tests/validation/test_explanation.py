@@ -53,4 +53,4 @@ def test_the_bounds_hold_the_cores_of_this_class_of_machine():
     for name, bound in CORE.items():
         assert bound.low <= bound.neutral <= bound.high
         assert hasattr(ONE.core, name)
-        assert bound.low <= getattr(ONE.core, name) or name in ("second_lag_s", "servo_hz")
+        assert bound.low <= getattr(ONE.core, name) or name in ("second_lag_s", "servo_hz", "stroke_share")

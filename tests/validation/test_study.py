@@ -24,6 +24,7 @@ from tests.validation.driving import (
     SECOND_LAG_S,
     VEHICLE_S,
     drive,
+    lagged,
     wander,
 )
 
@@ -187,6 +188,23 @@ def test_the_pair_is_found_where_an_effect_hid_that_it_is_there(monkeypatch):
     found = diagnose(one)
     assert found.effects == ("grade",)
     assert found.final.explanation.core.servo_hz == pytest.approx(0.9, rel=0.15), "it trades with the lags"
+
+
+def test_what_a_file_knows_of_how_the_drive_yields_is_fitted_on():
+    """A drive whose time constant rises with its stroke, T (0.4 + 0.6 w / 1.5 m/s), by a recursion of its own."""
+    plain = drive(300.0, noise_mps=0.0)
+    felt = GAIN * lagged(np.repeat(plain.input, 10), 0.2)
+    speed, found = 0.0, []
+    for drive_mps in felt.tolist():
+        speed += (1.0 - np.exp(-0.01 / (0.6 * (0.4 + 0.6 * drive_mps / 1.5)))) * (drive_mps - speed)
+        found.append(speed)
+    noise = 0.005 * np.random.default_rng(1).standard_normal(len(plain))
+    driven = changed(plain, **{OUTPUT: np.array(found)[9::10] + noise})
+    file = Model(PERIOD_S, 1, 3, 1, (), (0.7, 1e-4, 3e-4, 3e-4, 0.0), stroke_share=0.3)
+    knowing = study([driven], PLAIN, file, PERIOD_S)
+    assert knowing.base.explanation.core.stroke_share == pytest.approx(0.6, abs=0.08)
+    assert knowing.base.loss < 0.5 * study([driven], PLAIN, replace(file, stroke_share=0.0), PERIOD_S).base.loss
+    assert discrete(knowing, knowing.base).stroke_share == knowing.base.explanation.core.stroke_share
 
 
 def test_columns_that_not_all_recordings_have_are_left_out():

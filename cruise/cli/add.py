@@ -103,6 +103,7 @@ def report(model: str, study: Study, added: Added, floor: NoiseFloor, fitted: li
     """All figures under stable names; what is not known is null."""
     return {
         "effect": added.effect,
+        "brought_along": list(added.brought_along),
         "model": model,
         "recordings": [one.source for one in study.recordings],
         "samples": sum(len(one) for one in study.recordings),
@@ -142,7 +143,8 @@ def _print(
 ) -> None:
     console = Console(highlight=False)
     samples = sum(len(one) for one in study.recordings)
-    console.print(f"[bold]{added.effect}[/bold] added to {model}")
+    along = f", and with it {', '.join(added.brought_along)}" if added.brought_along else ""
+    console.print(f"[bold]{added.effect}[/bold] added to {model}{along}")
     console.print(f"{count_of(len(study.recordings), 'recording')}, {samples} samples of {study.period_s:g} s")
     notes = notes_of(study.recordings)
     for note in notes[:NOTES_SHOWN]:

@@ -1,12 +1,13 @@
 """Leakage: oil that slips back through the gaps of pump and motor does not turn the wheels.
 
-    phi = -p / 100 bar P^(e - 1) (1 + q (|v| / v_0 - 1)),   P^2 = (p^2 + p_0^2) / ((100 bar)^2 + p_0^2)
+    phi = -p / 100 bar P^(e - 1) F^h (1 + q (|v| / v_0 - 1)),   P^2 = (p^2 + p_0^2) / ((100 bar)^2 + p_0^2)
     p = sign(dp) max(|dp| - p_s, 0)
 
 dp pressure difference of the lines in bar (+ driving forward), e its power: 1/2 through sharp orifices, 1 through
 narrow gaps, more where the pressure widens them; p_0 = 20 bar rounds the root at no pressure; p_s pressure in bar below
-which nothing leaks, as through a relief valve that weeps. The last factor is as in `stroke`. That it grows as the oil
-thins is `oil_temperature`. Source: leakage of hydrostatic machines, Merritt, Hydraulic Control Systems, Wiley 1967,
+which nothing leaks, as through a relief valve that weeps. F fluidity of the oil (`fluidity.py`) and h its power: 1 in
+narrow gaps, 0 where orifices are sharp, or the oil's temperature is not recorded or stays. The last factor is as in
+`stroke`. Source: leakage of hydrostatic machines, Merritt, Hydraulic Control Systems, Wiley 1967,
 chapters 2 (orifices) and 4 (Q_l = C dp, laminar).
 """
 
@@ -18,6 +19,7 @@ from typing import ClassVar, Final
 import numpy as np
 
 from cruise.effects.effect import About, Effect, Parameter, Stage, State, Value, clip, sign, where
+from cruise.effects.fluidity import REFERENCE_C, fluidity
 from cruise.effects.stroke import STROKE_SHARE, factor
 from cruise.signals import OUTPUT, Signals
 
@@ -27,7 +29,7 @@ ROUND_BAR: Final = 20.0  # bar, p_0
 
 @dataclass(frozen=True, slots=True)
 class Leakage(Effect):
-    """phi = -line_pressure_bar / 100, its size beyond onset_bar to the power `exponent`, times what the stroke adds.
+    """phi = -line_pressure_bar / 100, its size beyond onset_bar to the power `exponent`, times what stroke and oil add.
 
     It has no unit; the speed that 100 bar cost is the fitted coefficient.
     """
@@ -35,12 +37,13 @@ class Leakage(Effect):
     name = "leakage"
     stage = Stage.LOAD
     needs = ("line_pressure_bar",)
-    helps = (OUTPUT,)
-    spare = ("stroke_share", "onset_bar")
+    helps = (OUTPUT, "oil_temperature_c")
+    spare = ("stroke_share", "onset_bar", "thinning")
     parameters: ClassVar = {
         "exponent": Parameter("-", 0.5, 1.6, 1.0, "power of the pressure; 0.5 orifices, 1 gaps, more if they widen"),
         "stroke_share": STROKE_SHARE,
         "onset_bar": Parameter("bar", 0.0, 200.0, 0.0, "pressure below which nothing leaks; a relief valve that weeps"),
+        "thinning": Parameter("-", 0.0, 1.5, 0.0, "power of the oil's fluidity by which warm oil leaks more; 0 none"),
     }
     about: ClassVar = About(
         physics="Between pistons, valve plates and housings stand gaps of some micrometres, through which oil flows "
@@ -50,7 +53,7 @@ class Leakage(Effect):
         "swash plate, the pressure pushes it back as well, the further the more it is out. The pressure itself "
         "rises with every acceleration and every hill, so that it is a consequence of the motion as well: pressure "
         "that lasts is evidence, its peaks during a step of current are not.",
-        equation="phi = -sign(dp) (max(|dp| - p_s, 0) / 100 bar)^e (1 + q (|v| / 1.5 m/s - 1))",
+        equation="phi = -sign(dp) (max(|dp| - p_s, 0) / 100 bar)^e F^h (1 + q (|v| / 1.5 m/s - 1))",
         source="Merritt, Hydraulic Control Systems, Wiley 1967, chapters 2 and 4 (orifices, laminar leakage)",
         signature="the residual follows minus the line pressure, with the same factor uphill, in deep soil and with a "
         "full bin",
@@ -63,6 +66,7 @@ class Leakage(Effect):
     exponent: float = 1.0
     stroke_share: float = 0.0
     onset_bar: float = 0.0
+    thinning: float = 0.0
 
     def start(self, like: Value) -> State:
         """The speed in m/s that was measured last: not known yet."""
@@ -89,4 +93,6 @@ class Leakage(Effect):
         pressure_bar = signals["line_pressure_bar"]
         pressure_bar = sign(pressure_bar) * clip(abs(pressure_bar) - self.onset_bar, 0.0, math.inf)
         square = (pressure_bar**2 + ROUND_BAR**2) / (USUAL_BAR**2 + ROUND_BAR**2)
-        return -pressure_bar / USUAL_BAR * square ** (0.5 * (self.exponent - 1.0))
+        oil_c = signals.get("oil_temperature_c", REFERENCE_C)
+        thinner = fluidity(where(oil_c == oil_c, oil_c, REFERENCE_C), self.thinning)  # NaN: not measured
+        return -pressure_bar / USUAL_BAR * square ** (0.5 * (self.exponent - 1.0)) * thinner

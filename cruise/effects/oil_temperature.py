@@ -1,12 +1,11 @@
 """Oil temperature: hot oil is thin and leaks back through pump and motor, cold oil is thick and slows the servo down.
 
-    g(T) = max(0, 1 - lambda (exp((T - 50 degC) / 33 K) - 1))        alpha(T) = min(exp(e (T - 50 degC) / 33 K), 2)
+    g(T) = max(0, 1 - lambda (F - 1) - delta (1 / F - 1)),   alpha(T) = min(F^e, 2),   F = exp((T - 50 degC) / 33 K)
 
-T oil temperature in degC, lambda share of the flow that leaks at 50 degC: laminar leakage is inverse to viscosity,
-which falls by 3 % per kelvin: the line of Walther (ASTM D341) through ISO VG 46 of viscosity index 100 (46 and
-6.8 mm2/s at 40 and 100 degC) falls by 4.0 %/K at 50 degC, 2.7 %/K at 80 degC, 3.1 %/K in the mean from 50 to 90 degC.
-alpha pace of the poles (y_k = alpha f(u, y) + (1 - alpha) y_(k-1)), e power of the fluidity by which they are quicker:
-0 where orifices are sharp and turbulent, 1 where all of it is laminar.
+T oil temperature in degC, F fluidity over that at 50 degC (`fluidity.py`), lambda share of the flow that leaks there:
+laminar leakage goes by F. delta share of the speed that the drag of thick oil takes at 50 degC, in gaps, lines and
+bearings: it goes by 1 / F. alpha pace of the poles (y_k = alpha f(u, y) + (1 - alpha) y_(k-1)), e power of the fluidity
+by which they are quicker: 0 where orifices are sharp and turbulent, 1 where all of it is laminar.
 
 Source: H.E. Merritt, Hydraulic Control Systems (1967), ch. 2 to 4 (viscosity; flow through orifices; laminar leakage of
 pumps and motors).
@@ -16,36 +15,35 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
-import numpy as np
-
 from cruise.effects.effect import About, Effect, Parameter, Stage, State, Value, clip
+from cruise.effects.fluidity import fluidity
 from cruise.signals import Signals
 
-REFERENCE_C: Final = 50.0  # degC, at which makers state volumetric efficiencies; here g = 1
-THINNING_K: Final = 33.0  # K in which VG 46 thins by the factor e, mean of 40 to 105 degC; VG 32: 34, VG 68: 30
 QUICKEST: Final = 2.0  # pace of hot oil over that at 50 degC
 
 
 @dataclass(frozen=True, slots=True)
 class OilTemperature(Effect):
-    """g = max(0, 1 - loss_share (exp((oil_temperature_c - 50) / 33) - 1)); a pace that grows with the fluidity."""
+    """g = 1 - loss_share (F - 1) - drag_share (1 / F - 1), F = exp((T - 50 degC) / 33 K); a pace that grows with F."""
 
     name = "oil_temperature"
     stage = Stage.GAIN
     needs = ("oil_temperature_c",)
-    instead = ("pace_exponent",)
+    instead = ("pace_exponent", "drag_share")
     parameters: ClassVar = {
         "loss_share": Parameter("-", -0.05, 0.4, 0.0, "share of the flow that leaks at 50 degC"),
         "pace_exponent": Parameter("-", 0.0, 1.5, 0.0, "power of the fluidity by which hot oil is quicker; 0 none"),
+        "drag_share": Parameter("-", 0.0, 0.3, 0.0, "share of the speed that drag takes at 50 degC; 0 none"),
     }
     about: ClassVar = About(
         physics="The viscosity of hydraulic oil falls exponentially with temperature, by about 3 % per kelvin. The "
         "gaps at pistons, slippers and valve plate leak in inverse proportion to it, so that the machine is slower "
         "with hot oil at the same current. A new pump loses 2 to 5 % at 50 degC, a worn one three times that; "
-        "slightly negative is a drive whose gain is governed by drag in cold oil. Thick oil also passes the narrow "
-        "orifices that feed the servo slowly, so that a cold machine answers late, and at its own pace once it is "
-        "warm.",
-        equation="g = max(0, 1 - lambda (exp((T - 50 degC) / 33 K) - 1)),  alpha = min(exp(e (T - 50 degC) / 33 K), 2)",
+        "slightly negative is a drive whose gain is governed by drag in cold oil. Where the drag of thick oil counts, "
+        "a cold machine is slower, and the less so the warmer it gets. Thick oil also passes the narrow orifices that "
+        "feed the servo slowly, so that a cold machine answers late, and at its own pace once it is warm.",
+        equation="g = max(0, 1 - lambda (F - 1) - delta (1 / F - 1)),  alpha = min(F^e, 2),  "
+        "F = exp((T - 50 degC) / 33 K)",
         source="Merritt 1967, ch. 2 and 4; ASTM D341 (Walther) with ISO VG 46",
         signature="the residual is proportional to speed and drifts over tens of minutes with the oil temperature, "
         "with nothing faster in it; where the pace changes, it stands after steps while the oil is cold, and nowhere "
@@ -58,23 +56,19 @@ class OilTemperature(Effect):
 
     loss_share: float = 0.0
     pace_exponent: float = 0.0
+    drag_share: float = 0.0
 
     @property
     def idle(self) -> frozenset[str]:
-        """The pace where it does not change."""
-        return frozenset({"pace_exponent"} if self.pace_exponent == 0.0 else ())
+        """The pace where it does not change, the drag where there is none."""
+        return frozenset(name for name in self.instead if getattr(self, name) == 0.0)
 
     def step(self, value: Value, past_speed: Value, signals: Signals, state: State, dt_s: float) -> tuple[Value, State]:
-        """The gain so far, less the leakage beyond that at 50 degC."""
-        thinner = _fluidity(signals["oil_temperature_c"])
-        return value * clip(1.0 - self.loss_share * (thinner - 1.0), 0.0, math.inf), state
+        """The gain so far, less leakage and drag beyond those at 50 degC."""
+        thinner = fluidity(signals["oil_temperature_c"])
+        lost = self.loss_share * (thinner - 1.0) + self.drag_share * (1.0 / thinner - 1.0)
+        return value * clip(1.0 - lost, 0.0, math.inf), state
 
     def pace(self, signals: Signals, state: State) -> Value:
         """alpha: less than 1 in cold oil."""
-        return clip(_fluidity(signals["oil_temperature_c"], self.pace_exponent), 0.0, QUICKEST)
-
-
-def _fluidity(oil_temperature_c: Value, power: float = 1.0) -> Value:
-    """Fluidity of the oil over that at 50 degC, to a power."""
-    warmth = power * (oil_temperature_c - REFERENCE_C) / THINNING_K
-    return np.exp(warmth) if isinstance(warmth, np.ndarray) else math.exp(warmth)
+        return clip(fluidity(signals["oil_temperature_c"], self.pace_exponent), 0.0, QUICKEST)

@@ -55,7 +55,7 @@ class PowerLimit(Effect):
         "kn_per_bar": Parameter("kN/bar", 0.0, 2.0, 0.0, "force that a bar is; 0: it goes by slope and mass alone"),
         "rest_bar": Parameter("bar", -200.0, 400.0, 0.0, "pressure while nothing holds the machine"),
         "onset_pct": Parameter(
-            "%", 50.0, NEVER_PCT, NEVER_PCT, "engine load from which the stroke is cut; 200 is never"
+            "%", 65.0, NEVER_PCT, NEVER_PCT, "engine load from which the stroke is cut; 200 is never"
         ),
         "cut_per_pct_s": Parameter(
             "1/(% s)", 1e-3, 0.5, 0.01, "share of the stroke that is cut per second and percent"

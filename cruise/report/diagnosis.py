@@ -15,6 +15,7 @@ from cruise.validation.dead_time import DeadTime
 from cruise.validation.diagnose import SEED, Diagnosis, Verdict
 from cruise.validation.search import Judged, sureness
 from cruise.validation.tried import LEAST_GAIN, LOOSE, Tried, step_of, tried_in
+from cruise.validation.unnamed import RestCurrent
 
 DISCOUNTED: Final = "for its signal answers to the drive itself, or the line pressure speaks against it"
 """Why not all of an effect's evidence counts."""
@@ -33,7 +34,7 @@ def sentence(found: Diagnosis) -> str:
                 return _changing(found, found.left.dead_time, sure)
             return (
                 f"{names} {'is' if one else 'are'} missing: with {'it' if one else 'them'} the error {horizon} falls "
-                f"from {before} to {after} m/s on data that the fit has not seen {sure}.{_beside(found)}"
+                f"from {before} to {after} m/s on data that the fit has not seen {sure}.{_rest(found)}{_beside(found)}"
             )
         case Verdict.NOTHING:
             share = hidden_share(found)
@@ -84,6 +85,17 @@ def sentence(found: Diagnosis) -> str:
     return (
         f"{_all(found.effects, 'or')} is missing, and these recordings can't tell which: the error {horizon} falls "
         f"from {before} to {after} m/s on data that the fit has not seen {sure}.{_beside(found)}"
+    )
+
+
+def _rest(found: Diagnosis) -> str:
+    """From which current the gains act, where that is none of the current."""
+    rest = next((one for one in found.final.explanation.effects if isinstance(one, RestCurrent)), None)
+    if rest is None or rest.rest_ma <= 0.0:
+        return ""
+    return (
+        f" What scales the drive acts on the current beyond {rest.rest_ma:.0f} mA, where the drive seems to begin: "
+        f"`cruise add` brings a dead zone along."
     )
 
 

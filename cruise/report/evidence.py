@@ -17,6 +17,7 @@ from cruise.validation.noise_floor import NoiseFloor, noise_floor
 from cruise.validation.search import Judged
 from cruise.validation.study import Study
 from cruise.validation.tried import Tried, tried_in
+from cruise.validation.unnamed import RestCurrent
 
 AT_BOUND: Final = 1e-3  # of the range between the bounds: a solver that stays inside comes no closer
 SURE: Final = 2.0  # standard errors
@@ -61,8 +62,9 @@ def error_mps(judged: Judged) -> float:
 
 
 def members(explanation: Explanation) -> tuple[str, ...]:
-    """Names of the effects in an explanation; all parts of an unnamed dependence are one."""
-    return (*dict.fromkeys(owner(effect) for effect in explanation.effects), *sorted(explanation.structural))
+    """Names of the effects in an explanation; all parts of an unnamed dependence are one, a current at rest is none."""
+    effects = [effect for effect in explanation.effects if effect.name != RestCurrent.name]
+    return (*dict.fromkeys(owner(effect) for effect in effects), *sorted(explanation.structural))
 
 
 def first_tried(found: Diagnosis, name: str) -> Tried | None:

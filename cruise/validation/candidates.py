@@ -19,6 +19,7 @@ from cruise.validation.unnamed import (
     POWERS,
     PUSHES,
     SPEED,
+    RestCurrent,
     UnnamedCurve,
     UnnamedDirection,
     UnnamedGain,
@@ -31,6 +32,8 @@ from cruise.validation.unnamed import (
 SHARES: Final = (0.03, 0.08, 0.18, 0.35, 0.55, 0.8, 0.93)  # of the way from a shape's neutral value to its far bound
 RATES: Final = (0.85, 0.5, 0.3, 0.18, 0.11, 0.065, 0.04)  # of the fastest change of the current
 ONSETS_PCT: Final = (65.0, 78.0, 88.0, 97.0)  # engine loads from which an electronic limit may cut the stroke,
+DROOPS: Final = (((0.1, 1.0), (0.3, 1.0)), ((0.2, 40.0), (0.4, 60.0)))  # shares that engines lose, loads from which on,
+DROOPING_S: Final = 0.5  # and how slowly
 CUTS: Final = (0.003, 0.01, 0.03)  # and how fast, per percent and second
 HELD: Final = 0.7  # share of the current that a hysteresis holds back where fits start: it is wide or it is whole
 WIDE: Final = 5.0  # ratio of the bounds from which that way is walked in ratios
@@ -241,10 +244,19 @@ def _falls(recordings: Sequence[Recording]) -> tuple[Starts, Starts]:
     return paces, tuple((("fall_ma_per_s", rate),) for ((_, rate),) in rates)
 
 
-def _oils(recordings: Sequence[Recording]) -> tuple[Starts, Starts]:
-    """Losses in hot oil, and paces in cold."""
-    losses = tuple(_walked("oil_temperature", share, "pace_exponent") for share in SHARES)
-    return losses, tuple(_walked("oil_temperature", share, "loss_share") for share in SHARES)
+def _oils(recordings: Sequence[Recording]) -> tuple[Starts, ...]:
+    """Losses in hot oil, paces in cold, and drag in cold."""
+    ways = ("loss_share", "pace_exponent", "drag_share")
+    return tuple(
+        tuple(_walked("oil_temperature", share, *(one for one in ways if one != way)) for share in SHARES)
+        for way in ways
+    )
+
+
+def _droops(recordings: Sequence[Recording]) -> tuple[Starts, ...]:
+    """Engines that give way from no load on, and from a load on."""
+    slow = ("filter_s", DROOPING_S)
+    return tuple(tuple((("droop_share", share), ("onset_pct", onset), slow) for share, onset in way) for way in DROOPS)
 
 
 def _leaks(recordings: Sequence[Recording]) -> tuple[Starts]:
@@ -272,6 +284,7 @@ BEGIN: Final[Mapping[str, Callable[[Sequence[Recording]], tuple[Starts, ...]]]] 
     "power_limit": _powers,
     "oil_temperature": _oils,
     "leakage": _leaks,
+    "engine_droop": _droops,
 }
 """Effects of which the recordings say where they would act at all: where their fits start."""
 
@@ -357,9 +370,14 @@ def with_effect(explanation: Explanation, effect: Effect) -> Explanation:
 
 
 def without(explanation: Explanation, name: str) -> Explanation:
-    """The explanation without one effect, or without all the parts of an unnamed dependence."""
+    """The explanation without one effect, or without all the parts of an unnamed dependence.
+
+    No current at rest stays without a gain that turns the drive about it: it would be an offset of the speed.
+    """
     core = replace(explanation.core, resonance_share=0.0) if name == "resonance" else explanation.core
-    kept = tuple(effect for effect in explanation.effects if name not in (effect.name, owner(effect)))
+    kept = [effect for effect in explanation.effects if name not in (effect.name, owner(effect))]
+    if not any(effect.stage is Stage.GAIN for effect in kept):
+        kept = [effect for effect in kept if effect.name != RestCurrent.name]
     return replace(_with_effects(explanation, kept), core=core, structural=explanation.structural - {name})
 
 

@@ -2,7 +2,8 @@
 
 Both errors are of the discrete models that drive, held out, on the same samples; the floor below them is that of
 `noise_floor`. What was added before is fitted anew with every further effect: the core's own effects and terms of the
-user's own too.
+user's own too. An effect that scales the drive brings the dead zone along where the drive begins at a current of its
+own and was never driven below it: nothing showed that before.
 """
 
 import math
@@ -13,19 +14,21 @@ from typing import Final
 import numpy as np
 
 from cruise.effects import Custom, Stage
+from cruise.effects.dead_zone import DeadZone
 from cruise.identification.regressors import FitError
 from cruise.identification.structures import Structure
 from cruise.model import prediction
 from cruise.model.files import PhysicalCore
 from cruise.model.model import Model
 from cruise.recording import Recording
-from cruise.validation.candidates import Candidate
+from cruise.validation.candidates import Candidate, with_effect, without
 from cruise.validation.explanation import CORE, RESONANCE, Explanation
 from cruise.validation.noise_floor import NoiseFloor, noise_floor
-from cruise.validation.search import FOLDS, Judged
+from cruise.validation.search import FOLDS, Judged, Search
 from cruise.validation.simulation import WARM_UP_S
 from cruise.validation.study import Show, Study, candidate, discrete, study
 from cruise.validation.terms import check_term, defined, term_candidate
+from cruise.validation.unnamed import RestCurrent
 
 NO_SIGN: Final = "no sign"  # remark on what was fitted to nothing
 AT_BOUND: Final = 1e-3  # of a parameter's range
@@ -56,6 +59,12 @@ class Added:
     error_after_mps: float
     samples: int
     predicted_mps: np.ndarray  # (N,) by the model with the effect, held out, NaN where there is no prediction
+
+    @property
+    def brought_along(self) -> tuple[str, ...]:
+        """What else the model has now that it had not."""
+        before = {self.effect, *self.before.explanation.names}
+        return tuple(name for name in self.after.explanation.names if name not in before)
 
 
 def begin(
@@ -102,7 +111,7 @@ def add(study: Study, effect: str | Custom, show: Show = lambda text: None) -> A
         known = candidate(effect, study.recordings)
     show(f"fitting with {name}")
     grown = search.freed(search.grown(base.explanation, known), name)
-    after = search.served(search.judged(name, search.settled(grown)))
+    after = _drivable(search, search.served(search.grounded(search.judged(name, search.settled(grown)))))
     terms = [one for one in after.explanation.effects if isinstance(one, Custom)]
     undefined = [one.name for one in terms if not defined(one, study.recordings)]
     if undefined:
@@ -174,6 +183,25 @@ def parameters(study: Study, added: Added) -> list[Parameter]:
             remark = "at bound"
         found.append(Parameter(name, unit, before.get((slot.owner, slot.name)), value, error, remark))
     return found
+
+
+def _drivable(search: Search, found: Judged) -> Judged:
+    """The same with a dead zone in the place of the current about which a gain turns the drive, where that is less.
+
+    No effect of a model file is such a current; a pump that begins there is.
+    """
+    rest = next((one for one in found.explanation.effects if isinstance(one, RestCurrent)), None)
+    if rest is None:
+        return found
+    bare = without(found.explanation, rest.name)
+    ways = [bare]
+    if rest.rest_ma > 0.0:
+        ways.append(with_effect(bare, DeadZone(min(rest.rest_ma, DeadZone.parameters["threshold_ma"].high))))
+    return min((search.judged(found.candidate, search.settled(search.fitted(one))) for one in ways), key=_loss)
+
+
+def _loss(one: Judged) -> float:
+    return one.loss
 
 
 def _ahead(study: Study, judged: Judged, horizon: int) -> np.ndarray:

@@ -16,13 +16,14 @@ import numpy as np
 
 from cruise.effects import Effect, Stage
 from cruise.model import prediction
-from cruise.validation.candidates import Candidate, EffectCandidate, kinds_of, ways_of, without
+from cruise.validation.candidates import Candidate, EffectCandidate, kinds_of, ways_of, with_effect, without
 from cruise.validation.disturbance import Disturbance, disturbance_of
 from cruise.validation.explanation import CORE, START, Explanation
 from cruise.validation.fitting import Fit, Layout, Objective, bounded, fit, layout
 from cruise.validation.simulation import RAN_AWAY_MPS, Scene
 from cruise.validation.slip import slip_mps, sure_of_slip
 from cruise.validation.starts import NEARLY, Starts, apart
+from cruise.validation.unnamed import RestCurrent
 
 FOLDS: Final = 5
 BLOCK_S: Final = 20.0  # s: longer than any disturbance that the autoregression leaves behind
@@ -41,6 +42,8 @@ SERVO_LAGS_S: Final = (0.05, 0.03)  # likewise, of the lags beside it
 SERVO_GAIN: Final = 0.03  # of the held-out loss, that the pair must take away,
 SERVO_SURE: Final = 2.0  # and by so many standard errors
 SERVO_SEED: Final = 0  # of the bootstrap that says so
+GROUND_GAIN: Final = 0.05  # likewise, of the current at rest,
+GROUND_SURE: Final = 3.0
 SPARE_BEGINS: Final = (0.5, 0.02)  # of the way from a spare shape's neutral value to its far bound: where fits begin,
 SPARED: Final = 0.6  # of the cost, from which an effect is better off with it (0.31 and 0.50; else 0.65 or more),
 NEARER: Final = 0.8  # or so much of it,
@@ -159,6 +162,19 @@ class Search:
         sure = sureness(present, judged, np.random.default_rng(SERVO_SEED)) >= SERVO_SURE
         return judged if sure and gain(present, judged) >= SERVO_GAIN else present
 
+    def grounded(self, present: Judged) -> Judged:
+        """The same with the current about which its gains turn the drive, where it errs clearly less with it.
+
+        A drive that begins at a third of the current and is never driven there looks as if it had an offset, which no
+        gain changes: a false dead zone would make up for that beside every gain.
+        """
+        turns = any(effect.stage is Stage.GAIN for effect in present.explanation.effects)
+        if not turns or _on_the_line(present.explanation):
+            return present
+        judged = self.judged(present.candidate, self.fitted(with_effect(present.explanation, RestCurrent())))
+        sure = sureness(present, judged, np.random.default_rng(SERVO_SEED)) >= GROUND_SURE
+        return judged if sure and gain(present, judged) >= GROUND_GAIN else present
+
     def freed(self, found: Fit, name: str, least: float = 0.0) -> Fit:
         """The fit with the spare shape of an effect with which it errs far less, and by more than wheels slip.
 
@@ -168,6 +184,8 @@ class Search:
         if effect is None:
             return found
         begun = [_with(found.explanation, shape) for spare in effect.spare for shape in _without_neutral(effect, spare)]
+        if effect.stage is Stage.GAIN and not _on_the_line(found.explanation):
+            begun.append(with_effect(found.explanation, RestCurrent()))
         free = min(map(self.fitted, begun), key=lambda fit: fit.cost, default=found)
         near = free.cost < NEARER * found.cost and free.cost - least < NEAR * (found.cost - least)
         taken = found.mean_square - free.mean_square
@@ -297,6 +315,11 @@ class Search:
         known = np.isfinite(error)
         share, *_ = np.linalg.lstsq(everything[known], error[known], rcond=1e-6)
         self.disturbance = disturbance_of(np.where(known, error - everything @ share, np.nan), self.starts)
+
+
+def _on_the_line(explanation: Explanation) -> bool:
+    """Whether it says already at which current the drive begins."""
+    return not {RestCurrent.name, "dead_zone"}.isdisjoint(explanation.names)
 
 
 def _without_neutral(effect: Effect, spare: str) -> list[Effect]:

@@ -4,10 +4,13 @@
     load     phi_i = z^i tanh(y / 0.1 m/s)
     push     phi_i = z^i
     command  f(u) = u + sign(u) sum_i p_i [clip(|u|, u_i, u_i+1) - u_i] - p_r min(u, 0)
+    rest     f(u) = u - u_r
     z = clip((s - centre) / half width of the middle 96 %, -1.5, 1.5)
 
 They compete with the effects on the same data, as flexible as any curve that could be drawn, and without physics: where
 one of them explains much more than every effect, what is missing depends on that signal and is not in the table.
+The last one is none of them: the current at which a line through what was driven meets standstill. No recording shows
+it while the gain stays the same, for it is an offset of the speed then; a gain that changes turns the line about it.
 """
 
 import math
@@ -191,6 +194,26 @@ class UnnamedDirection(Effect):
         current = signals["pump_current_ma"]
         slow = where(state == state, state + (1.0 - math.exp(-dt_s / DIRECTION_S)) * (current - state), current)
         return tanh((current - slow) / DIRECTION_MA), slow
+
+
+@dataclass(frozen=True)
+class RestCurrent(Effect):
+    """The current in mA about which a gain turns the line of the drive."""
+
+    about: ClassVar = _ABOUT
+    stage = Stage.COMMAND
+    name = "current:rest"
+    needs = ()
+    parameters: ClassVar = {"rest_ma": Parameter("mA", -1000.0, 1000.0, 0.0, "current of the line at standstill")}
+
+    rest_ma: float = 0.0
+
+    def reshaped(self, **shape: Any) -> "RestCurrent":
+        return replace(self, **shape)
+
+    def step(self, value: Value, past_speed: Value, signals: Signals, state: State, dt_s: float) -> tuple[Value, State]:
+        """The current beyond that at rest."""
+        return value - self.rest_ma, state
 
 
 def knots_of(current_ma: np.ndarray) -> tuple[float, ...]:

@@ -131,8 +131,9 @@ def drawn_panels(name: str) -> list[dict[str, np.ndarray]]:
 
 
 def difference(one: np.ndarray, other: np.ndarray) -> float:
-    """The greatest distance of two lines as a share of the height of the higher one."""
-    return float(np.max(np.abs(one - other)) / max(np.ptp(one), np.ptp(other)))
+    """The greatest distance of two lines as a share of the height of the higher one, or of its level."""
+    height = max(np.ptp(one), np.ptp(other)) or max(np.abs(one).max(), np.abs(other).max())
+    return float(np.max(np.abs(one - other)) / height)
 
 
 @pytest.mark.parametrize("name", ALL)

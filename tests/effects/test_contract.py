@@ -32,7 +32,7 @@ SHAPES = {
         "release_s": 1.0,
     },
     "gear_ratio": {"gear_1_mps": 1.4, "gear_2_mps": 2.5, "gear_3_mps": 4.4, "gear_4_mps": 7.8, "pace_exponent": 1.2},
-    "oil_temperature": {"loss_share": 0.08, "pace_exponent": 0.4},
+    "oil_temperature": {"loss_share": 0.08, "pace_exponent": 0.4, "drag_share": 0.05},
     "speed_droop": {"droop_per_mps": 0.1, "exponent": 1.6},
     "grade": {
         "mass_share": 0.6,
@@ -53,7 +53,7 @@ SHAPES = {
         "exponent": 1.6,
     },
     "coulomb_friction": {"crossover_mps": 0.1, "breakaway_share": 0.8, "stribeck_mps": 0.2},
-    "leakage": {"exponent": 0.7, "stroke_share": 0.7, "onset_bar": 30.0},
+    "leakage": {"exponent": 0.7, "stroke_share": 0.7, "onset_bar": 30.0, "thinning": 0.8},
     "transport_delay": {"delay_s": 0.3},
     "active_braking": {"braking_pace": 0.6, "fall_ma_per_s": 400.0, "lag_s": 0.3, "time_constant_s": 0.8},
     "resonance": {},

@@ -43,3 +43,11 @@ def test_a_relief_valve_weeps_beyond_a_pressure_on_either_side():
     effect = Leakage(onset_bar=110.0)
     for bar, expected in ((100.0, 0.0), (210.0, -1.0), (-210.0, 1.0), (-50.0, 0.0)):
         assert effect.step(0.0, 1.0, {"line_pressure_bar": bar}, math.nan, 0.2)[0] == pytest.approx(expected)
+
+
+def test_warm_oil_leaks_more_by_its_fluidity_and_oil_that_nobody_measured_leaves_it():
+    effect, cold = Leakage(thinning=1.0), {"line_pressure_bar": 100.0}
+    warm, unknown = cold | {"oil_temperature_c": 83.0}, cold | {"oil_temperature_c": math.nan}
+    phi = [effect.step(0.0, 1.0, signals, math.nan, 0.2)[0] for signals in (cold, warm, unknown)]
+    assert phi == pytest.approx([-1.0, -math.e, -1.0], rel=1e-3)
+    assert Leakage().step(0.0, 1.0, warm, math.nan, 0.2)[0] == pytest.approx(-1.0, rel=1e-3)

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from cruise.effects.oil_temperature import THINNING_K, OilTemperature
+from cruise.effects.fluidity import THINNING_K
+from cruise.effects.oil_temperature import OilTemperature
 
 
 def gain(loss_share, temperature_c):
@@ -44,6 +45,16 @@ def test_cold_oil_is_slow_and_hot_oil_no_more_than_twice_as_quick():
     assert OilTemperature(0.1).pace({"oil_temperature_c": 10.0}, None) == 1.0
 
 
-def test_no_fit_looks_for_a_pace_that_does_not_change():
-    assert OilTemperature(0.1).idle == {"pace_exponent"}
-    assert not OilTemperature(0.0, 0.3).idle
+def test_no_fit_looks_for_a_pace_that_does_not_change_or_a_drag_that_is_none():
+    assert OilTemperature(0.1).idle == {"pace_exponent", "drag_share"}
+    assert OilTemperature(0.0, 0.3).idle == {"drag_share"}
+    assert not OilTemperature(0.0, 0.3, 0.1).idle
+
+
+def test_the_drag_of_thick_oil_takes_speed_as_the_viscosity_and_none_beyond_it_at_50_degrees():
+    effect = OilTemperature(drag_share=0.08)
+    gains = [
+        effect.step(1.0, 0.0, {"oil_temperature_c": 50.0 - warmer_k}, None, 0.2)[0] for warmer_k in (0.0, THINNING_K)
+    ]
+    assert gains == pytest.approx([1.0, 1.0 - 0.08 * (math.e - 1.0)])
+    assert effect.step(1.0, 0.0, {"oil_temperature_c": -40.0}, None, 0.2)[0] >= 0.0

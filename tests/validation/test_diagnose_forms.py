@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,9 +14,12 @@ from cruise.effects.grade import Grade
 from cruise.effects.oil_temperature import OilTemperature
 from cruise.effects.sensor_bias import SensorBias
 from cruise.recording import Recording
+from cruise.report.diagnosis import sentence
 from cruise.signals import INPUT, OUTPUT
+from cruise.validation import ladder
 from cruise.validation.diagnose import Diagnosis, Verdict, diagnose
 from cruise.validation.study import study
+from cruise.validation.unnamed import RestCurrent
 from tests.validation.diagnosing import DT_S, PERIOD_S, PITCH, SAMPLES, SECONDS, STRUCTURE, found
 from tests.validation.driving import (
     DELAY_S,
@@ -145,3 +149,26 @@ def test_friction_of_which_there_is_more_at_rest_is_dry_friction():
     assert isinstance(effect, CoulombFriction)
     assert 0.5 < effect.breakaway_share < 2.5  # 1.5, of which what holds at rest is a part
     assert 0.06 < effect.stribeck_mps < 0.24  # 0.12, likewise
+
+
+def test_a_gain_about_the_current_at_which_the_drive_begins_needs_no_dead_zone_to_be_found():
+    """Never driven below it, the drive looks as if it had an offset, which the engine speed does not scale."""
+    rpm = 1800.0 + wander(SAMPLES, DT_S, 15, 150.0, 10.0)
+    columns = {"pitch_deg": PITCH, "engine_speed_rpm": rpm}
+    begins_ma = 450.0
+    held = drive(SECONDS, 4, DT_S, 0.01, columns=columns, command=lambda u: above(u) - begins_ma, gain=rpm / 2100.0)
+    held = replace(held, columns={**held.columns, INPUT: above(held.input)})
+    one = diagnose(study([held], STRUCTURE, None, PERIOD_S))
+    assert (one.verdict, one.effects) == (Verdict.MISSING, ("engine_speed",))
+    (rest,) = (effect for effect in one.final.explanation.effects if isinstance(effect, RestCurrent))
+    assert rest.rest_ma == pytest.approx(begins_ma, abs=20.0)
+    assert f"beyond {rest.rest_ma:.0f} mA" in sentence(one)
+    added = ladder.add(one.study, "engine_speed")
+    assert added.brought_along == ("dead_zone",)
+    assert [effect.name for effect in added.model.effects] == ["dead_zone", "engine_speed"]
+    assert added.error_after_mps < 1.1 * 0.01
+
+
+def above(current_ma: np.ndarray) -> np.ndarray:
+    """Currents as they are driven above all at which the drive begins."""
+    return 500.0 + 0.4 * np.abs(current_ma)

@@ -63,8 +63,8 @@ class ObserverSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
     """How far the observer trusts sensor and model."""
 
     speed_noise_mps: Positive = 0.010  # m/s, of one mean over a frame
-    model_noise_mps: Positive = 0.10  # m/s after 1 s, what the model errs by while the speed changes
-    disturbance_mps: Positive = 0.10  # m/s after 1 s, how fast hills and soil may come
+    model_noise_mps: Positive = 0.12  # m/s after 1 s, what the model errs by while the speed changes
+    disturbance_mps: Positive = 0.08  # m/s after 1 s, how fast hills and soil may come
     ripple_mps: Positive = 0.11  # m/s RMS; more keeps 1.5 to 5 Hz out of the command and lets a hill cost more
     ripple_hz: Positive = 1.5  # above what the command may contain
     ripple_damping: Positive = 0.3

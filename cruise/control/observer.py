@@ -20,8 +20,8 @@ prediction the controller has no steady-state error (Muske and Badgwell, "Distur
 model predictive control", J. Process Control 12 (2002)).
 
 A hill takes 1/alpha as much of the steady speed as in a slow gear and comes as quickly, but so quick a filter would
-leave fourth gear no margins (1.5 and 31 degrees), and take for a hill whatever the model has wrong at a step of the
-reference. K_1 is that of the noise of a slow gear, not times sqrt(alpha) (2.2 and 61 degrees, as there). As
+leave fourth gear hardly any margins, and take for a hill whatever the model has wrong at a step of the
+reference. K_1 is that of the noise of a slow gear, not times sqrt(alpha) (2.6 and 67 degrees; there 2.3 and 61). As
 much of it counts as what lasts of the innovations, m, is more than chance, of variance V: the noise is as great as the
 innovations show (D. H. Zhou and P. M. Frank, "Strong tracking filtering of nonlinear time-varying stochastic systems
 with coloured noise", Int. J. Control 65 (1996)).

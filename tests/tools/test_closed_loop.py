@@ -9,6 +9,7 @@ from msgspec import structs
 
 from cruise.control.controller import ControlSettings
 from cruise.control.frame_model import cumulants_s
+from cruise.control.shaping import CommandShaper
 from cruise.effects.gear_ratio import GearRatio
 from cruise.effects.stroke import factor
 from cruise.model.model import Model
@@ -113,6 +114,24 @@ def test_the_pid_is_simc_on_the_models_core():
     assert pid.integral_mps - begun == pytest.approx(expected, rel=0.08)
 
 
+def test_a_pid_that_is_held_to_1_hz_is_slower_by_the_laws_shaper():
+    """Half of the third lag and all of the fourth count as dead time, and the current moves as the shaper lets it."""
+    moved, learned = [], []
+    for held in (False, True):
+        pid = Pid(MODEL, ControlSettings(), held)
+        sample = Sample(0.0, 500.0, 1.5, {"gear": 2.0})
+        for _ in range(40):
+            pid.step(sample, None)
+        first_ma, begun = pid.step(sample, 1.5), pid.integral_mps
+        moved.append(pid.step(replace(sample, speed_mps=1.49), 1.5) - first_ma)
+        learned.append(pid.integral_mps - begun)
+    settings = ControlSettings()
+    shaper = CommandShaper(settings.shaping_hz, settings.shaping_order, settings.frame_s)
+    assert 0.0 < moved[1] < 2.0 * shaper.share**settings.shaping_order * moved[0]
+    theta = pid.core.delay_s + 1.5 / (2.0 * math.pi * settings.shaping_hz)  # the core's own lag is a little longer
+    assert learned[1] / learned[0] == pytest.approx(pid.core.delay_s / theta, rel=0.05)
+
+
 def test_without_feed_forward_a_driver_sees_gear_and_drive_only():
     given = Models(MODEL, MODEL, MODEL)
     assert set(PLAIN) == {
@@ -123,7 +142,7 @@ def test_without_feed_forward_a_driver_sees_gear_and_drive_only():
         "engine_load_pct",
         "line_pressure_bar",
     }
-    for name in ("pid", "plain"):
+    for name in ("pid", "pid_1hz", "plain"):
         currents = []
         for rpm in (2100.0, 1500.0):
             driver = DRIVERS[name].make(given, ControlSettings())

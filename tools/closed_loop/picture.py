@@ -7,7 +7,14 @@ from cruise.report.colours import BLUE, GREY
 
 from .trial import BEST, Run
 
-COLOURS: Final = {"pid": "#c44e52", "factory": "#dd8452", "plain": "#55a868", "learned": BLUE, "bound": "#8172b3"}
+COLOURS: Final = {
+    "pid": "#c44e52",
+    "pid_1hz": "#937860",
+    "factory": "#dd8452",
+    "plain": "#55a868",
+    "learned": BLUE,
+    "bound": "#8172b3",
+}
 
 
 def draw(run: Run, path: Path) -> Path:

@@ -101,6 +101,14 @@ class Run:
             ("plain_over_pid", "plain", "pid", ref, "RMS to the reference, learned without feed-forward / PID", 0.70),
             ("factory_over_pid", "factory", "pid", ref, "RMS to the reference, factory model / PID", None),
             ("setpoint_over_pid", "learned", "pid", point, "RMS to the setpoint, with feed-forward / PID", 0.75),
+            (
+                "over_held_pid",
+                "learned",
+                "pid_1hz",
+                ref,
+                "the same over a PID that is held to 1 Hz as the law is",
+                None,
+            ),
             ("over_bound", "learned", "bound", ref, "RMS to the reference, with feed-forward / bound", 1.25),
         )
         found = [

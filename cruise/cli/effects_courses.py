@@ -110,7 +110,15 @@ def _threshing() -> Course:
     return Course("engine load 95 % from 1 to 7 s", np.full(len(time_s), 1.5), {"engine_load_pct": load_pct}, ())
 
 
+def _shifted() -> Course:
+    """Second gear, third, and second again, all under way."""
+    time_s = _over(12.0)
+    gear = np.where((time_s >= 2.0) & (time_s < 7.0), 3.0, 2.0)
+    return Course("second gear, third from 2 to 7 s", np.full(len(time_s), 1.5), {"gear": gear}, ())
+
+
 COURSES: Final = {
+    "gear_ratio": _shifted(),
     "engine_droop": _threshing(),
     "coulomb_friction": _reversal(0.3),
     "rolling_resistance": _reversal(0.3),

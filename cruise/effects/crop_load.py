@@ -1,7 +1,7 @@
 """Crop load: threshing takes torque from the engine that the drive then lacks.
 
     phi_k = -c |c / c_0|^(p - 1) x_k,   x_k = clip(h x_(k-1) + y / y_c, -1, 1)
-    c = (load - l_0 - r |y| - q |y| dy/dt - k (dp - p_0) |y|) / 100 %
+    c = (load - l_0 - r |y| - q |y| dy/dt - k (dp - p_0) |y|) / 100 %, and where c_1 > 0, max(c - c_1, 0) in its place
 
 c share of the engine's torque that crop takes, p power of it that is felt: 1 for a governor that gives way in
 proportion, more for an engine that lugs the more the more it carries, the same at c_0 = 0.3. load engine torque in
@@ -9,10 +9,11 @@ percent of the torque available at this speed, y ground speed in m/s; l_0 in % i
 nothing is cut, r in % per m/s and q in % per m2/s3 are what of the load the drive itself makes, rolling and
 accelerating, or k in % per bar m/s where the line pressure dp in bar is recorded, which shows soil, too; k and p_0,
 pressure in bar while nothing holds the machine, are told by the signals alone; what is taken so is felt through a
-low-pass of tau in s; x share of the loss that acts, as of any dry resistance (coulomb_friction), y_c speed in m/s at
-which all of it is there within a sample, h = exp(-T / 0.9 s) its memory: crop holds the machine back whichever way it
-goes and moves none that stands. Source: sections V.B and VI of Coen et al. 2005 ("in field conditions, where the engine
-faces higher loads"); the power of the load is an assumption of this program.
+low-pass of tau in s; c_1 is what the governor takes without giving way; x share of the loss that acts, as of any dry
+resistance (coulomb_friction), y_c speed in m/s at which all of it is there within a sample, h = exp(-T / 0.9 s) its
+memory: crop holds the machine back whichever way it goes and moves none that stands. Source: sections V.B and VI of
+Coen et al. 2005 ("in field conditions, where the engine faces higher loads"); the power of the load is an assumption of
+this program.
 """
 
 import math
@@ -41,9 +42,9 @@ class CropLoad(Effect):
     needs = ("engine_load_pct",)
     helps = ("line_pressure_bar",)
     reads_speed = True
-    instead = ("traction_pct_per_bar_mps", "rest_bar")
+    instead = ("traction_pct_per_bar_mps", "rest_bar", "onset_pct")
     told_by = ("line_pressure_bar",)
-    spare = ("exponent",)
+    spare = ("exponent", "onset_pct")
     parameters: ClassVar = {
         "idle_pct": Parameter("%", 0.0, 60.0, 0.0, "load while nothing is cut: engine, drum and fans by themselves"),
         "rolling_pct_per_mps": Parameter("% per m/s", 0.0, 15.0, 0.0, "load that rolling makes: 15 t and 0.06 are 3.5"),
@@ -55,6 +56,7 @@ class CropLoad(Effect):
         "filter_s": Parameter("s", 0.0, 2.0, 0.0, "time constant in which the drive follows the crop"),
         "crossover_mps": Parameter("m/s", 0.01, 0.5, 0.5, "speed at which the loss is there within a sample"),
         "exponent": Parameter("-", 1.0, 2.5, 1.0, "power of the load that is felt; 1 is in proportion"),
+        "onset_pct": Parameter("%", 0.0, 80.0, 0.0, "load that the governor takes without giving way; 0: it gives way"),
     }
     about: ClassVar = About(
         physics="Header, threshing drum and straw chopper hang on the same engine as the drive. When the crop is dense "
@@ -81,6 +83,7 @@ class CropLoad(Effect):
     filter_s: float = 0.0
     crossover_mps: float = 0.2
     exponent: float = 1.0
+    onset_pct: float = 0.0
 
     def start(self, like: Value) -> State:
         """Speed in m/s two samples ago and the share that is taken, not known yet; the share that acts: none so far."""
@@ -114,4 +117,6 @@ class CropLoad(Effect):
         pct_per_mps = self.rolling_pct_per_mps + self.traction_pct_per_bar_mps * more_bar
         own_pct = self.idle_pct + abs(past_speed) * (pct_per_mps + self.inertia_pct_per_m2ps3 * accel_mps2)
         taken = 0.01 * (signals["engine_load_pct"] - own_pct)
+        beyond = taken - 0.01 * self.onset_pct
+        taken = where(beyond == beyond, where(self.onset_pct > 0.0, where(beyond > 0.0, beyond, 0.0), taken), beyond)
         return taken * (abs(taken) / USUAL) ** (self.exponent - 1.0)

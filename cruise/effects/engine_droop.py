@@ -1,9 +1,11 @@
 """Engine droop: the diesel gives way under load, and the pump's flow with it, where its speed is not recorded.
 
-    g = max(1 - delta max(L_f - L_0, 0) / 100, 0.2),   L_f through a low-pass of tau
+    g = 1 - delta x / 100, from 0.2 to 1.8,   x = max(L_f - L_0, 0) less what the governor has made up for
+    L_f is L through a low-pass of tau, what has been made up for is max(L_f - L_0, 0) through one of 1 / r
 
 L engine torque in percent of the torque available at this speed, delta share of the speed that is lost from none to
-full load, L_0 in % load up to which the governor holds the speed, tau s in which the crankshaft follows its load.
+full load, L_0 in % load up to which the governor holds the speed, tau s in which the crankshaft follows its load,
+r 1/s at which an isochronous governor brings the speed back; 0 where it doesn't.
 Source: ISO 3046-4 (speed droop of a governed engine); SAE J1939-71, SPN 92 (the signal). Electronic governors hold 0 to
 5 %, mechanical ones up to 8 %; more is an engine that is lugged down its full-load curve.
 """
@@ -24,23 +26,28 @@ STALLED: Final = 0.2  # share of the speed below which no diesel turns
 
 @dataclass(frozen=True, slots=True)
 class EngineDroop(Effect):
-    """g = 1 - droop_share max(engine_load_pct - onset_pct, 0) / 100, through a low-pass."""
+    """g = 1 - droop_share (L_f beyond onset_pct) / 100, L_f the low-passed load, less what has been made up for."""
 
     name = "engine_droop"
     stage = Stage.GAIN
     needs = ("engine_load_pct",)
     stands_for = ("engine_speed_rpm",)
+    spare = ("recovery_per_s",)
     parameters: ClassVar = {
         "droop_share": Parameter("-", 0.0, 1.5, 0.0, "share of the engine speed that is lost from none to full load"),
         "onset_pct": Parameter("%", 0.0, 90.0, 0.0, "load up to which the governor holds the speed"),
         "filter_s": Parameter("s", 0.0, 2.0, 0.0, "time constant in which the crankshaft follows its load"),
+        "recovery_per_s": Parameter("1/s", 0.0, 0.5, 0.0, "pace at which the governor brings the speed back; 0: never"),
     }
     about: ClassVar = About(
         physics="A governor with droop lets the engine settle at a lower speed the more torque is asked of it, and an "
         "engine at its limit falls down its full-load curve. The pump turns with the crankshaft, so that the machine "
         "slows down by the same share, whatever took the torque: crop in the threshing drum, a slope, the drive "
-        "itself. Once the engine speed is recorded, engine_speed says the same from the cause itself.",
-        equation="g = 1 - delta max(L - L_0, 0) / 100 %, L through a low-pass of tau",
+        "itself. A governor with an integral part brings the speed back within some seconds, so that only changes of "
+        "the load are felt, and one that loses its load is quicker for a while. Once the engine speed is recorded, "
+        "engine_speed says the same from the cause itself.",
+        equation="g = 1 - delta x / 100 %,  x = max(L - L_0, 0), L through a low-pass of tau, less itself through one "
+        "of 1 / r",
         source="ISO 3046-4 (speed droop); SAE J1939-71, SPN 92",
         signature="the residual is proportional to minus speed times engine load, at standstill there is none",
         look_alikes=("engine_speed", "power_limit", "crop_load", "speed_droop", "grade"),
@@ -52,16 +59,20 @@ class EngineDroop(Effect):
     droop_share: float = 0.0
     onset_pct: float = 0.0
     filter_s: float = 0.0
+    recovery_per_s: float = 0.0
 
     def start(self, like: Value) -> State:
-        """L_f in %, not known yet."""
-        return like * math.nan
+        """L_f in % and what has been made up for in %: not known yet."""
+        return like * math.nan, like * math.nan
 
     def step(self, value: Value, past_speed: Value, signals: Signals, state: State, dt_s: float) -> tuple[Value, State]:
         """The gain so far, less what the engine has given way."""
-        now_pct = signals["engine_load_pct"]
-        felt_pct = followed(state, now_pct, share(self.filter_s, dt_s))
-        return value * self._gain(felt_pct), where(felt_pct == felt_pct, felt_pct, state)
+        before_pct, made_up_pct = state
+        felt_pct = followed(before_pct, signals["engine_load_pct"], share(self.filter_s, dt_s))
+        over_pct = self._over(felt_pct)
+        known = over_pct == over_pct
+        made_up_pct = where(known, followed(made_up_pct, over_pct, -np.expm1(-self.recovery_per_s * dt_s)), made_up_pct)
+        return value * self._gain(over_pct, made_up_pct), (where(known, felt_pct, before_pct), made_up_pct)
 
     def over(
         self, values: Value, past_speeds: np.ndarray, signals: Mapping[str, np.ndarray], dt_s: float
@@ -71,7 +82,14 @@ class EngineDroop(Effect):
         if not np.isfinite(now_pct).all():
             return Effect.over(self, values, past_speeds, signals, dt_s)
         felt_pct = followed_over(now_pct, self.filter_s, dt_s)
-        return values * self._gain(felt_pct), felt_pct
+        over_pct = self._over(felt_pct)
+        made_up_pct = followed_over(over_pct, 1.0 / self.recovery_per_s if self.recovery_per_s else math.inf, dt_s)
+        return values * self._gain(over_pct, made_up_pct), (felt_pct, made_up_pct)
 
-    def _gain(self, felt_pct: Value) -> Value:
-        return clip(1.0 - 0.01 * self.droop_share * clip(felt_pct - self.onset_pct, 0.0, math.inf), STALLED, 1.0)
+    def _over(self, felt_pct: Value) -> Value:
+        """Load in % that the governor does not hold."""
+        return clip(felt_pct - self.onset_pct, 0.0, math.inf)
+
+    def _gain(self, over_pct: Value, made_up_pct: Value) -> Value:
+        lacking_pct = over_pct - made_up_pct * (self.recovery_per_s > 0.0)
+        return clip(1.0 - 0.01 * self.droop_share * lacking_pct, STALLED, 2.0 - STALLED)

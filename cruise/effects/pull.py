@@ -37,5 +37,5 @@ def pull(
     measured_mps = where(measured_mps == measured_mps, measured_mps, speed_mps)
     speed_mps = where(speed_mps == speed_mps, speed_mps, measured_mps)
     followed_mps = speed_mps + moved * (measured_mps - speed_mps)
-    accel_mps2 = where(followed_mps == followed_mps, (followed_mps - speed_mps) / dt_s, 0.0 * seen_mps2)
+    accel_mps2 = where(followed_mps == followed_mps, (followed_mps - speed_mps) / dt_s, 0.0)
     return pull_mps2, (slope_mps2, followed_mps, accel_mps2)

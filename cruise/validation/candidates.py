@@ -10,6 +10,8 @@ from typing import Final, Protocol
 import numpy as np
 
 from cruise.effects import EFFECTS, Effect, Parameter, Stage
+from cruise.effects.effect import EMPTY_KG, GRAVITY_MPS2
+from cruise.effects.power_limit import demand_kw
 from cruise.recording import Recording
 from cruise.signals import INPUT, OUTPUT, SIGNALS
 from cruise.validation.explanation import CORE, Explanation
@@ -35,6 +37,21 @@ ONSETS_PCT: Final = (65.0, 78.0, 88.0, 97.0)  # engine loads from which an elect
 DROOPS: Final = (((0.1, 1.0), (0.3, 1.0)), ((0.2, 40.0), (0.4, 60.0)))  # shares that engines lose, loads from which on,
 DROOPING_S: Final = 0.5  # and how slowly
 CUTS: Final = (0.003, 0.01, 0.03)  # and how fast, per percent and second
+ROLLING: Final = 0.04  # resistance over weight of the ground where such fits start
+HOLDS: Final = (0.5, 1.0)
+DEMANDED: Final = (
+    0.7,
+    0.8,
+    0.87,
+    0.91,
+    0.94,
+    0.96,
+    0.975,
+    0.985,
+    0.993,
+)  # shares of the powers that the ground asks for below such a limit
+CUT_OFFS: Final = (0.75, 0.9, 0.97)  # shares of the pressures below that from which a cut-off may destroke the pump,
+BAR_CUTS: Final = (0.003, 0.01)  # and by how much, per bar
 HELD: Final = 0.7  # share of the current that a hysteresis holds back where fits start: it is wide or it is whole
 WIDE: Final = 5.0  # ratio of the bounds from which that way is walked in ratios
 CHAIN: Final = tuple(EFFECTS)  # order in which the current meets the effects: that of the table
@@ -110,14 +127,22 @@ class EffectCandidate:
             known = {"share": HELD}
         elif self.name == "quadratic_gain":  # a parabola at first
             known = {"bend": 0.0}
+        elif self.name == "power_limit":  # the speed follows what is taken back as it follows the current
+            behind_s = core.delay_s + core.lag_s + core.second_lag_s + core.time_constant_s
+            known = {"follow_s": min(behind_s, shapes["follow_s"].high)}
         else:
             known = {}
         shares = SHARES if shapes and self.name != "gear_ratio" else SHARES[:1]
-        walked = [_walked(self.name, share, *kind.spare) for share in shares]
+        walked = [_walked(self.name, share) for share in shares]
+        alike = set()
         for told in self.told:
             for begun in (one for way in self.begin or (walked,) for one in way):
                 shape = dict(begun) | known | dict(told)
-                yield with_effect(explanation, kind() if self.name == "gear_ratio" else kind(**shape))
+                effect = kind() if self.name == "gear_ratio" else kind(**shape)
+                acting = tuple(getattr(effect, one) for one in shapes if one not in effect.idle)
+                if acting not in alike:  # what is told may not matter in every way
+                    alike.add(acting)
+                    yield with_effect(explanation, effect)
 
 
 def ways_of(candidate: Candidate) -> tuple[Candidate, ...]:
@@ -265,17 +290,46 @@ def _leaks(recordings: Sequence[Recording]) -> tuple[Starts]:
 
 
 def _powers(recordings: Sequence[Recording]) -> tuple[Starts, ...]:
-    """Powers that may be taken, and where the engine's load is recorded, loads from which an electronic limit cuts."""
-    powers = tuple(_walked("power_limit", share, "onset_pct", "cut_per_pct_s", "release_s") for share in SHARES)
-    if not all("engine_load_pct" in one.columns for one in recordings):
-        return (powers,)
-    return powers, tuple((("onset_pct", onset), ("cut_per_pct_s", cut)) for onset in ONSETS_PCT for cut in CUTS)
+    """Powers that may be taken, loads of the engine from which an electronic limit cuts, and pressures of a cut-off."""
+    others = ("follow_s", "onset_pct", "cut_per_pct_s", "release_s", "cutoff_bar", "cut_per_bar")
+    soft = [_walked("power_limit", share, *others) for share in SHARES]
+    ways = [
+        (
+            *soft,
+            *(
+                (("power_kw", power), ("rolling_resistance", ROLLING), ("hold", hold))
+                for hold in HOLDS
+                for power in _demands_kw(recordings)
+            ),
+        )
+    ]
+    if all("engine_load_pct" in one.columns for one in recordings):
+        ways.append(tuple((("onset_pct", onset), ("cut_per_pct_s", cut)) for onset in ONSETS_PCT for cut in CUTS))
+    if all("line_pressure_bar" in one.columns for one in recordings):
+        bound = EFFECTS["power_limit"].parameters["cutoff_bar"]
+        pressures = np.concatenate([one.columns["line_pressure_bar"] for one in recordings])
+        onsets = np.clip(np.nanquantile(pressures, CUT_OFFS), bound.low, bound.high).tolist()
+        ways.append(tuple((("cutoff_bar", onset), ("cut_per_bar", cut)) for onset in onsets for cut in BAR_CUTS))
+    return tuple(ways)
+
+
+def _demands_kw(recordings: Sequence[Recording]) -> list[float]:
+    """Powers that slope and ground ask for seldom, and more seldom."""
+    bound, rolling = EFFECTS["power_limit"].parameters["power_kw"], ROLLING
+    asked = []
+    for one in recordings:
+        mass_kg = one.columns.get("machine_mass_kg", np.full(len(one), EMPTY_KG))
+        pull_mps2 = GRAVITY_MPS2 * np.sin(np.radians(one.columns[PITCH]))
+        asked.append(demand_kw(one.output, pull_mps2, rolling, {"machine_mass_kg": mass_kg}))
+    powers_kw = np.nanquantile(np.concatenate(asked), DEMANDED)
+    return np.unique(np.clip(powers_kw, bound.low, 0.99 * bound.high)).tolist()
 
 
 def _walked(name: str, share: float, *neutral: str) -> Shapes:
     """Shapes so far on their way from neutral values to their far bounds, but for those that stay neutral."""
-    shapes = EFFECTS[name].parameters.items()
-    return tuple((shape, _on_the_way(bound, share)) for shape, bound in shapes if shape not in neutral)
+    kind = EFFECTS[name]
+    still = {*neutral, *kind.spare}
+    return tuple((one, _on_the_way(bound, share)) for one, bound in kind.parameters.items() if one not in still)
 
 
 BEGIN: Final[Mapping[str, Callable[[Sequence[Recording]], tuple[Starts, ...]]]] = {

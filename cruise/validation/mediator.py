@@ -11,6 +11,7 @@ foretells: then the effect is named all the same, for what the force costs is wh
 forces don't show in that signal nothing of this holds, and nothing is lost: every force is still needed beside it.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum, auto
@@ -45,6 +46,8 @@ ALONE: Final = (0.65, 0.9)  # or that its signal alone foretells, and of what al
 FORCES: Final = 2  # that such an effect may stand for, where it errs hardly more than all of them
 LEFT_BY_MANY: Final = 0.7  # of what all recorded forces leave together: with less, and while they take no more than
 BY_MANY: Final = 0.87  # of what it takes away, it is the one cause of them all
+ROOT: Final = 0.8  # power of the pressure below which it is no force that shows there,
+SURELY: Final = 3.0  # by so many standard errors
 TOLD: Final = 0.35  # of what it takes away: with less that is foretold, a force that nobody recorded acts there
 
 
@@ -67,7 +70,9 @@ def behind(
     through = one.through()
     none_yet = not any(EFFECTS[name].stage is Stage.LOAD for name in chosen)
     if through is Through.RECORDED and none_yet and _has_a_signal_of_its_own(direct.candidate):
-        many = _more_than_many(study.search, present, mediator, direct)
+        many = max(
+            _more_than_many(study.search, present, mediator, direct), _through_orifices(study.search, mediator, direct)
+        )
         return (Through.ITSELF, many) if many > 0.0 else (through, 0.0)
     return through, 0.0 if through is Through.RECORDED else one.margin
 
@@ -86,6 +91,24 @@ def _more_than_many(search: Search, present: Judged, mediator: Judged, direct: J
     if present.loss - many.loss > BY_MANY * (present.loss - mediator.loss):
         return 0.0
     return max(1.0 - mediator.loss / (LEFT_BY_MANY * many.loss), 0.0)
+
+
+def _through_orifices(search: Search, mediator: Judged, direct: Judged) -> float:
+    """How far the mediator is from leaving as much as the direct cause (0..1), where it goes by a root of the pressure.
+
+    A force costs speed in proportion to itself, and so to the pressure in which it shows; oil leaks by the root of it
+    through whatever is sharp.
+    """
+    exponent, std = _exponent(search, mediator)
+    return max(1.0 - mediator.loss / (LEFT_BY_MANY * direct.loss), 0.0) if exponent + SURELY * std < ROOT else 0.0
+
+
+def _exponent(search: Search, mediator: Judged) -> tuple[float, float]:
+    """The power of the pressure by which the mediator goes, and its standard error."""
+    fit = mediator.fit
+    owners = [(slot.owner, slot.name) for slot in fit.layout.slots]
+    place = owners.index((mediator.candidate, "exponent"))
+    return float(fit.vector[place]), math.sqrt(search.covariance(fit)[place, place])
 
 
 def _forces_together(search: Search, present: Judged) -> Judged:

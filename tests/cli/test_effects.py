@@ -158,10 +158,8 @@ def test_every_picture_shows_what_the_effect_does(name):
 @pytest.mark.parametrize("name", [name for name, effect in ALL.items() if len(effect.parameters) > 1])
 def test_every_picture_shows_what_each_further_parameter_does(name):
     neutral, _, strong, *held_back = effects_picture.curves(ALL[name])
-    if name == "gear_ratio":  # several of one kind: spread out, not held back one by one
-        assert not held_back
-        return
-    drawn = [key for key in ALL[name].parameters if key not in ALL[name].instead]
+    gears = {f"gear_{i}_mps" for i in (1, 2, 3, 4)}  # several of one kind: spread out, not held back one by one
+    drawn = [key for key in ALL[name].parameters if key not in {*ALL[name].instead, *gears}]
     assert len(held_back) == len(drawn) - 1
     for one, key in zip(held_back, drawn[1:], strict=True):
         other = ALL[name].parameters[key].high if key == ALL[name].kind else getattr(neutral.effect, key)

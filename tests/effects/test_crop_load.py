@@ -64,3 +64,11 @@ def test_the_crop_is_felt_through_a_lag():
 def test_an_engine_that_lugs_feels_a_power_of_the_load(load_pct, felt):
     effect = CropLoad(exponent=2.0)
     assert effect.step(0.0, 2.0, {"engine_load_pct": load_pct}, effect.start(0.0), 0.2)[0] == pytest.approx(-felt)
+
+
+@pytest.mark.parametrize(("load_pct", "felt"), [(50.0, 0.0), (60.0, 0.0), (85.0, 0.25)])
+def test_a_governor_may_take_load_without_giving_way(load_pct, felt):
+    effect = CropLoad(onset_pct=60.0)
+    assert -effect.step(0.0, 2.0, {"engine_load_pct": load_pct}, effect.start(0.0), 0.2)[0] == pytest.approx(felt)
+    unknown = effect.step(0.0, 2.0, {"engine_load_pct": math.nan}, effect.start(0.0), 0.2)[0]
+    assert math.isnan(unknown)

@@ -30,8 +30,19 @@ def test_no_load_stops_the_engine_or_makes_it_faster():
 
 
 def test_the_crankshaft_follows_its_load_through_a_lag():
-    effect, state = EngineDroop(0.2, filter_s=1.0), 0.0
+    effect, state = EngineDroop(0.2, filter_s=1.0), (0.0, 0.0)
     for _ in range(4):
         _, state = effect.step(1.0, 0.0, {"engine_load_pct": 100.0}, state, 0.2)
     found, _ = effect.step(1.0, 0.0, {"engine_load_pct": 100.0}, state, 0.2)
     assert found == pytest.approx(1.0 - 0.2 * (1.0 - math.exp(-1.0)))
+
+
+def test_a_governor_with_an_integral_part_brings_the_speed_back_and_overshoots_when_the_load_goes():
+    effect, state, gains = EngineDroop(0.2, recovery_per_s=0.25), (math.nan, math.nan), []
+    for load_pct in [20.0] * 5 + [70.0] * 100 + [20.0] * 5:
+        found, state = effect.step(1.0, 0.0, {"engine_load_pct": load_pct}, state, 0.2)
+        gains.append(found)
+    assert gains[4] == 1.0  # whatever load there is at first has been made up for
+    np.testing.assert_allclose(gains[5:9], 1.0 - 0.1 * np.exp(-0.25 * 0.2 * np.arange(1, 5)))
+    assert gains[104] == pytest.approx(1.0, abs=1e-3)
+    assert gains[105] > 1.09

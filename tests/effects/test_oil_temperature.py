@@ -46,9 +46,23 @@ def test_cold_oil_is_slow_and_hot_oil_no_more_than_twice_as_quick():
 
 
 def test_no_fit_looks_for_a_pace_that_does_not_change_or_a_drag_that_is_none():
-    assert OilTemperature(0.1).idle == {"pace_exponent", "drag_share"}
-    assert OilTemperature(0.0, 0.3).idle == {"drag_share"}
-    assert not OilTemperature(0.0, 0.3, 0.1).idle
+    assert OilTemperature(0.1).idle == {"pace_exponent", "drag_share", "warm_c"}
+    assert OilTemperature(0.0, 0.3).idle == {"drag_share", "warm_c"}
+    assert OilTemperature(0.0, 0.3, 0.1).idle == {"warm_c"}
+    assert not OilTemperature(0.0, 0.3, 0.1, 45.0).idle
+    assert OilTemperature(0.1, warm_c=45.0).idle == {"pace_exponent", "drag_share", "warm_c"}
+
+
+def test_what_is_felt_in_cold_oil_alone_is_gone_once_the_oil_is_warm():
+    effect = OilTemperature(drag_share=0.08, warm_c=40.0)
+    gains = [
+        effect.step(1.0, 0.0, {"oil_temperature_c": oil_c}, None, 0.2)[0] for oil_c in (40.0 - THINNING_K, 40, 55, 90)
+    ]
+    thick = math.exp((50.0 - 40.0) / THINNING_K)
+    assert gains[1:] == pytest.approx([1.0 - 0.08 * (thick - 1.0)] * 3)
+    assert gains[0] == pytest.approx(1.0 - 0.08 * (math.e * thick - 1.0))
+    columns = {"oil_temperature_c": np.array([40.0 - THINNING_K, 40.0, 55.0, 90.0])}
+    np.testing.assert_allclose(effect.step(1.0, np.zeros(4), columns, None, 0.2)[0], gains)
 
 
 def test_the_drag_of_thick_oil_takes_speed_as_the_viscosity_and_none_beyond_it_at_50_degrees():

@@ -5,18 +5,27 @@ import math
 import numpy as np
 import pytest
 
-from cruise.effects.power_limit import UNLIMITED_KW, PowerLimit
+from cruise.effects.power_limit import MOST_CUT, UNLIMITED_KW, PowerLimit
 
 UP = {"pitch_deg": 10.0, "machine_mass_kg": 15000.0}
 DEMAND_KW = 15.0 * 9.81 * (math.sin(math.radians(10.0)) + 0.06) * 2.0  # at 2 m/s: 68.8 kW
 
 
 def gain(power_kw, speed_mps, signals):
-    return stepped(PowerLimit(power_kw), speed_mps, signals)
+    return stepped(PowerLimit(power_kw, 1.0), speed_mps, signals)
 
 
 def stepped(effect, speed_mps, signals):
     return effect.step(1.0, speed_mps, signals, effect.start(0.0), 0.2)[0]
+
+
+def driven(effect, free_mps, signals, lag=0.4):
+    """The speed in m/s at which a machine settles whose speed follows the drive through a low-pass."""
+    speed_mps, state = 0.0, effect.start(0.0)
+    for _ in range(400):
+        passed, state = effect.step(1.0, speed_mps, signals, state, 0.2)
+        speed_mps += lag * (passed * free_mps - speed_mps)
+    return speed_mps
 
 
 def test_beyond_the_limit_the_gain_is_the_share_that_can_be_given():
@@ -24,8 +33,8 @@ def test_beyond_the_limit_the_gain_is_the_share_that_can_be_given():
     assert gain(30.0, 2.0, UP | {"machine_mass_kg": 30000.0}) == pytest.approx(15.0 / DEMAND_KW)
 
 
-def test_a_stiff_limit_takes_back_a_power_of_the_excess():
-    assert stepped(PowerLimit(30.0, 2.0), 2.0, UP) == pytest.approx((30.0 / DEMAND_KW) ** 2)
+def test_a_soft_limit_takes_back_a_power_of_the_excess():
+    assert stepped(PowerLimit(30.0, 0.3), 2.0, UP) == pytest.approx((30.0 / DEMAND_KW) ** 0.3)
 
 
 @pytest.mark.parametrize(("pitch_deg", "speed_mps"), [(-10.0, 2.0), (10.0, -2.0), (10.0, 0.5), (0.0, 2.0)])
@@ -36,7 +45,7 @@ def test_downhill_slow_and_level_nothing_is_felt(pitch_deg, speed_mps):
 def test_soft_ground_asks_for_power_on_the_level_too():
     level = UP | {"pitch_deg": 0.0}
     asked_kw = 15.0 * 9.81 * 0.12 * 2.0
-    assert stepped(PowerLimit(20.0, 1.0, 0.12), 2.0, level) == pytest.approx(20.0 / asked_kw)
+    assert stepped(PowerLimit(20.0, 1.0, rolling_resistance=0.12), 2.0, level) == pytest.approx(20.0 / asked_kw)
 
 
 def test_backwards_uphill_is_uphill():
@@ -68,16 +77,22 @@ def test_the_corner_has_no_kink_for_a_fit_by_differences():
     assert slope[-1] == 0.0
 
 
-def test_the_machine_settles_at_the_geometric_mean_of_free_and_limited_speed():
-    free_mps, speed_mps = 2.5, 0.0
-    for _ in range(200):
-        speed_mps = 0.6 * speed_mps + 0.4 * gain(30.0, speed_mps, UP) * free_mps
-    limited_mps = 30.0 / (DEMAND_KW / 2.0)
-    assert speed_mps == pytest.approx(math.sqrt(free_mps * limited_mps), rel=1e-6)
+@pytest.mark.parametrize("follow_s", [0.1, 0.4, 1.5])
+def test_a_hard_limit_keeps_the_power_and_a_soft_one_half_of_the_way(follow_s):
+    free_mps, limited_mps = 2.5, 30.0 / (DEMAND_KW / 2.0)
+    assert driven(PowerLimit(30.0, 1.0, follow_s), free_mps, UP) == pytest.approx(limited_mps, rel=1e-6)
+    half_mps = math.sqrt(free_mps * limited_mps)
+    assert driven(PowerLimit(30.0, 0.5, follow_s), free_mps, UP) == pytest.approx(half_mps, rel=1e-6)
+
+
+def test_a_hole_in_the_slope_is_forgotten_once_it_is_known_again():
+    effect = PowerLimit(30.0, 1.0)
+    _, state = effect.step(1.0, 2.0, UP | {"pitch_deg": math.nan}, effect.start(0.0), 0.2)
+    assert effect.step(1.0, 2.0, UP, state, 0.2)[0] == gain(30.0, 2.0, UP)
 
 
 def test_what_the_pitch_shows_of_acceleration_can_be_left_out():
-    effect, dt_s, accel_mps2 = PowerLimit(30.0, acceleration_share=1.0, filter_s=0.5), 0.2, 1.0
+    effect, dt_s, accel_mps2 = PowerLimit(30.0, 1.0, acceleration_share=1.0, filter_s=0.5), 0.2, 1.0
     pitch_deg = math.degrees(math.asin(accel_mps2 / 9.81))
     state, shaken = effect.start(0.0), 0.0
     for k in range(60):
@@ -88,7 +103,7 @@ def test_what_the_pitch_shows_of_acceleration_can_be_left_out():
 
 
 def test_where_the_pressure_is_known_it_says_what_the_ground_asks_for():
-    effect = PowerLimit(30.0, kn_per_bar=0.1, rest_bar=50.0)
+    effect = PowerLimit(30.0, 1.0, kn_per_bar=0.1, rest_bar=50.0)
     pressed = UP | {"line_pressure_bar": 350.0}
     assert stepped(effect, 2.0, pressed) == pytest.approx(30.0 / (0.1 * 300.0 * 2.0))
     assert stepped(effect, 2.0, pressed | {"pitch_deg": 0.0}) == stepped(effect, 2.0, pressed)  # whatever holds it
@@ -99,7 +114,7 @@ def test_where_the_pressure_is_known_it_says_what_the_ground_asks_for():
 
 
 def test_a_peak_of_the_pressure_is_felt_through_the_lag():
-    effect = PowerLimit(30.0, kn_per_bar=0.1, filter_s=0.5)
+    effect = PowerLimit(30.0, 1.0, follow_s=math.inf, kn_per_bar=0.1, filter_s=0.5)
     calm, peak = UP | {"line_pressure_bar": 100.0}, UP | {"line_pressure_bar": 400.0}
     _, state = effect.step(1.0, 2.0, calm, effect.start(0.0), 0.2)
     felt, _ = effect.step(1.0, 2.0, peak, state, 0.2)
@@ -126,3 +141,13 @@ def test_without_an_onset_no_engine_load_cuts_anything():
     overloaded = {"pitch_deg": 0.0, "engine_load_pct": 150.0}
     assert stepped(PowerLimit(), 2.0, overloaded) == 1.0
     assert stepped(PowerLimit(onset_pct=90.0), 2.0, overloaded) < 1.0
+
+
+def test_a_cut_off_destrokes_the_pump_from_a_pressure_on_at_any_speed():
+    effect = PowerLimit(cutoff_bar=300.0, cut_per_bar=0.005)
+    for speed_mps in (0.1, 3.0):
+        pressed = [stepped(effect, speed_mps, {"pitch_deg": 0.0, "line_pressure_bar": bar}) for bar in (290, 340, 900)]
+        np.testing.assert_allclose(pressed, [1.0, 0.8, 1.0 - MOST_CUT])
+    for unknown in ({}, {"line_pressure_bar": math.nan}):
+        assert stepped(effect, 2.0, {"pitch_deg": 0.0} | unknown) == 1.0
+    assert stepped(PowerLimit(), 2.0, {"pitch_deg": 0.0, "line_pressure_bar": 900.0}) == 1.0

@@ -18,8 +18,10 @@ from cruise.effects.saturation import Saturation
 from cruise.signals import INPUT, OUTPUT
 from cruise.validation import study
 from cruise.validation.candidates import (
+    BAR_CUTS,
     BLIND,
     CONSEQUENCES,
+    CUT_OFFS,
     RATES,
     DelayCandidate,
     EffectCandidate,
@@ -178,25 +180,39 @@ def test_a_rate_limit_takes_the_servos_lag_over():
         assert start.core.lag_s == CORE["lag_s"].low
 
 
-def test_a_power_limit_may_go_by_the_power_or_by_the_engines_load_each_with_its_own_starts():
+def test_a_power_limit_may_go_by_power_engine_load_or_pressure_each_with_its_own_starts():
     pitch, load = wander(SAMPLES, 0.2, 3, 20.0, 3.0), 60.0 + wander(SAMPLES, 0.2, 4, 20.0, 20.0)
-    by_power, by_load = ways_of(candidate_of("power_limit", [recorded(pitch_deg=pitch, engine_load_pct=load)]))
+    bar = 200.0 + wander(SAMPLES, 0.2, 5, 20.0, 60.0)
+    signals = {"pitch_deg": pitch, "engine_load_pct": load}
+    by_power, by_load = ways_of(candidate_of("power_limit", [recorded(**signals)]))
+    behind_s = BARE.core.delay_s + BARE.core.lag_s + BARE.core.second_lag_s + BARE.core.time_constant_s
+    holds = set()
     for one in (start.effects[0] for start in by_power.grown(BARE)):
         assert isinstance(one, PowerLimit)
+        holds.add(one.hold)
+        assert one.follow_s == behind_s
         assert one.power_kw < UNLIMITED_KW
         assert one.onset_pct == NEVER_PCT
-        assert one.idle == {"onset_pct", "cut_per_pct_s", "release_s"}
+        assert one.idle == {"onset_pct", "cut_per_pct_s", "release_s", "cutoff_bar", "cut_per_bar"}
+    assert holds >= {0.5, 1.0}
     for one in (start.effects[0] for start in by_load.grown(BARE)):
         assert isinstance(one, PowerLimit)
         assert one.power_kw == UNLIMITED_KW
         assert one.onset_pct < 100.0
-        assert {"power_kw", "stiffness", "filter_s"} <= one.idle
+        assert {"power_kw", "hold", "follow_s", "filter_s", "cutoff_bar"} <= one.idle
         assert "onset_pct" not in one.idle
+    *_, by_bar = ways_of(candidate_of("power_limit", [recorded(**signals, line_pressure_bar=bar)]))
+    shapes = [one for start in by_bar.grown(BARE) for one in start.effects if isinstance(one, PowerLimit)]
+    assert len(set(shapes)) == len(shapes) == len(CUT_OFFS) * len(BAR_CUTS)  # what is told does not matter here
+    assert all(one.idle.isdisjoint({"cutoff_bar", "cut_per_bar"}) for one in shapes)
+    assert all(bar.min() < one.cutoff_bar < bar.max() for one in shapes)
     (alone,) = ways_of(candidate_of("power_limit", [recorded(pitch_deg=pitch)]))
     assert list(alone.grown(BARE)) == list(by_power.grown(BARE))
 
 
-@pytest.mark.parametrize("name", ["grade", "leakage", "engine_speed", "coulomb_friction", "sensor_bias"])
+@pytest.mark.parametrize(
+    "name", ["grade", "leakage", "engine_speed", "coulomb_friction", "sensor_bias", "engine_droop"]
+)
 def test_a_spare_shape_is_neutral_where_fits_start_and_none_looks_for_it(name):
     starts = [one.effects[0] for one in candidate_of(name, [everything()]).grown(BARE)]
     assert starts

@@ -271,9 +271,11 @@ def test_no_fit_looks_for_shapes_that_change_nothing():
         plan = layout(Explanation(TRUE, (effect,)), 1.0, GAIN, lambda name: True)
         return {slot.name for slot in plan.slots if slot.owner == effect.name}
 
-    assert free(PowerLimit(power_kw=40.0)) == set(PowerLimit.parameters) - {"onset_pct", "cut_per_pct_s", "release_s"}
-    assert free(PowerLimit(onset_pct=90.0)) == {"onset_pct", "cut_per_pct_s", "release_s"}
-    assert free(PowerLimit(power_kw=40.0, onset_pct=90.0)) == set(PowerLimit.parameters)
+    by_load, by_bar = {"onset_pct", "cut_per_pct_s", "release_s"}, {"cutoff_bar", "cut_per_bar"}
+    assert free(PowerLimit(power_kw=40.0)) == set(PowerLimit.parameters) - by_load - by_bar
+    assert free(PowerLimit(onset_pct=90.0)) == by_load
+    assert free(PowerLimit(cutoff_bar=300.0)) == by_bar
+    assert free(PowerLimit(power_kw=40.0, onset_pct=90.0)) == set(PowerLimit.parameters) - by_bar
 
 
 def test_the_derivatives_are_those_of_the_errors():

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from cruise.identification.structures import parse
+from cruise.signals import OUTPUT
 from cruise.validation import mediator
-from cruise.validation.candidates import UNNAMED
+from cruise.validation.candidates import UNNAMED, candidate_of
 from cruise.validation.mediator import (
     ALONE,
     BY_MANY,
@@ -49,6 +50,7 @@ def said(begun: Study, left: float, instead: float, told: float, monkeypatch, **
 
     together = takes(how.get("many", 1.0), "coulomb_friction")
     monkeypatch.setattr(mediator, "_forces_together", lambda search, present: together)
+    monkeypatch.setattr(mediator, "_exponent", lambda search, found: how.get("exponent", (1.0, 0.02)))
     direct = takes(instead, how.get("name", "grade"))
     return behind(begun, leaves(1.0, ""), leaves(left, "leakage"), direct, how.get("chosen", ()))
 
@@ -86,12 +88,29 @@ def said(begun: Study, left: float, instead: float, told: float, monkeypatch, **
         (0.1, DIRECT + 0.2, 0.9, {"many": BY_MANY - 0.05, "name": "dead_zone"}, Through.RECORDED),
         (MEDIATED + 0.05, DIRECT + 0.2, 0.9, {"many": BY_MANY - 0.05}, Through.RECORDED),
         (0.26, DIRECT + 0.2, 0.9, {"many": BY_MANY - 0.01}, Through.RECORDED),
+        (0.1, DIRECT + 0.2, 0.9, {"exponent": (0.6, 0.02)}, Through.ITSELF),
+        (0.1, DIRECT + 0.2, 0.9, {"exponent": (0.6, 0.1)}, Through.RECORDED),
+        (0.1, DIRECT + 0.2, 0.9, {"exponent": (0.6, 0.02), "name": "dead_zone"}, Through.RECORDED),
+        (0.1, DIRECT + 0.2, 0.9, {"exponent": (0.6, 0.02), "chosen": ("grade",)}, Through.RECORDED),
+        (0.26, 0.9, 0.9, {"exponent": (0.6, 0.02)}, Through.RECORDED),
     ],
 )
 def test_what_it_takes_away_tells_what_stands_behind_it(begun, left, instead, told, how, through, monkeypatch):
     found, margin = said(begun, left, instead, told, monkeypatch, **how)
     assert found is through
     assert (margin > 0.0) is (through is not Through.RECORDED)
+
+
+def test_the_power_of_the_pressure_is_known_as_well_as_the_data_say():
+    bar = np.maximum(150.0 + wander(1200, 0.1, 1, 60.0, 30.0), 30.0)
+    one = drive(120.0, 4, 0.1, 0.02, columns={"line_pressure_bar": bar})
+    lost = 0.5 * np.sqrt(bar / 100.0)
+    speed = one.output - lost
+    found = study([replace(one, columns={**one.columns, OUTPUT: speed})], parse("arx:na=1,nb=3,delay_s=0.4"), None, 0.2)
+    leaky = found.search.grown(found.base.explanation, candidate_of("leakage", found.recordings))
+    exponent, std = mediator._exponent(found.search, found.search.judged("leakage", leaky))
+    assert 0.0 < std < 0.1
+    assert exponent == pytest.approx(0.5, abs=4.0 * std)
 
 
 def test_where_no_slope_is_recorded_a_force_that_nothing_foretells_is_no_news(begun, monkeypatch):

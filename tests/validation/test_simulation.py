@@ -94,7 +94,7 @@ CASES: dict[str, tuple[tuple[Effect, ...], tuple[float, ...]]] = {
     "dynamics with pace": ((DeadZone(250.0), ActiveBraking(0.4)), ()),
     "sensor": ((SensorBias(4.0),), (0.6,)),
     "gain of the speed": ((SpeedDroop(0.08),), ()),
-    "gain of the speed with a signal": ((PowerLimit(15.0, 1.5),), ()),
+    "gain of the speed with a signal": ((PowerLimit(15.0, 0.3, 0.05),), ()),
     "load of the speed": ((CoulombFriction(0.3),), (0.3,)),
     "load of the speed with a memory": ((CropLoad(8.0, 0.0),), (0.5,)),
     "all at once": (
@@ -123,7 +123,9 @@ def test_a_scene_simulates_what_the_discrete_model_predicts(effects, loads, stro
     by_model = predicted(explanation, one)
     known = np.isfinite(by_model)
     assert known.sum() >= 4 * len(COMPARED)
-    assert simulated[known] == pytest.approx(by_model[known], abs=1e-6)
+    # What a limit had left before a segment began is forgotten within its seconds, but not wholly.
+    forgotten = 2e-3 if any(isinstance(one, PowerLimit) for one in effects) else 1e-6
+    assert simulated[known] == pytest.approx(by_model[known], abs=forgotten)
     if effects:
         (bare,) = scene_of(one).simulate([Explanation(CORE, (), (), 0.1)])
         assert np.nanmax(np.abs(simulated - bare)) > 0.02

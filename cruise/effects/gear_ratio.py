@@ -44,7 +44,8 @@ class GearRatio(Effect):
     about: ClassVar = About(
         physics="The mechanical transmission multiplies the motor's speed and divides its torque. A higher gear is "
         "faster for the same current, and the same mass weighs more at the motor, so it also responds more slowly.",
-        equation="g = v_max,i / v_max,2, after a shift from (1 - q) g on through a low-pass of tau;  y_k = alpha f(u, y) + (1 - alpha) y_(k-1),  alpha = min(1, g^-e)",
+        equation="g = v_max,i / v_max,2, after a shift from (1 - q) g on through a low-pass of tau;  "
+        "y_k = alpha f(u, y) + (1 - alpha) y_(k-1),  alpha = min(1, g^-e)",
         source="Coen et al. 2005, section V.C, equations 10 to 12",
         signature="gain and time constant of the residual change with the gear and with nothing else",
         look_alikes=("engine_speed",),

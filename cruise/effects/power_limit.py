@@ -1,7 +1,7 @@
 """Power limit: where the demand of the ground exceeds what pump or engine can give, the swash plate is taken back.
 
     P_0 = m (p w + g_n c_r |w|) / 1000, or P_0 = kappa (dp - p_0) w through a low-pass where the pressure is known
-    g = (1 - c) g_p g_c,   g_p = min(1, P_max / P_0)^h, the corner rounded off within +-5 % of P_max
+    g = (1 - c) g_p g_c,   g_p = min(1, P_max / P_0)^h, the corner rounded off within +-1/8 of P_max
     w = v / s,   ds/dt = (g_p - s) / tau_v
     g_c = max(1 - b max(dp - p_c, 0), 0.2),   dc/dt = k max(L - L_0, 0) - c / tau_c,   c <= 0.8
 
@@ -36,7 +36,7 @@ NEVER_PCT: Final = 200.0  # %: more than any engine shows
 NEVER_BAR: Final = 600.0  # bar: more than any hydrostatic drive stands
 MOST_CUT: Final = 0.8  # share of the stroke
 MOST_TIMES: Final = 10.0  # times the limit, beyond which nothing more is taken back
-CORNER: Final = 0.05  # relative half width of the rounded corner: a fit by differences sees a slope on both sides
+CORNER: Final = 0.125  # relative half width of the rounded corner: a fit by differences sees a slope on both sides
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +69,7 @@ class PowerLimit(Effect):
         ),
         "release_s": Parameter("s", 0.1, 10.0, 2.0, "time constant with which it comes back"),
         "cutoff_bar": Parameter(
-            "bar", 50.0, NEVER_BAR, NEVER_BAR, "pressure from which the pump destrokes; 600 is never"
+            "bar", 150.0, NEVER_BAR, NEVER_BAR, "pressure from which the pump destrokes; 600 is never"
         ),
         "cut_per_bar": Parameter("1/bar", 5e-4, 0.05, 5e-3, "share of the stroke that is taken back per bar beyond"),
     }

@@ -38,7 +38,8 @@ DROOPS: Final = (((0.1, 1.0), (0.3, 1.0)), ((0.2, 40.0), (0.4, 60.0)))  # shares
 DROOPING_S: Final = 0.5  # and how slowly
 CUTS: Final = (0.003, 0.01, 0.03)  # and how fast, per percent and second
 ROLLING: Final = 0.04  # resistance over weight of the ground where such fits start
-HOLDS: Final = (0.5, 1.0)
+AT_ONCE_S: Final = 0.1  # s in which a soft limit may be followed,
+HOLDS: Final = ((("hold", 0.5), ("follow_s", AT_ONCE_S)), (("hold", 1.0),))  # and a hard one as the current is
 DEMANDED: Final = (
     0.7,
     0.8,
@@ -127,17 +128,18 @@ class EffectCandidate:
             known = {"share": HELD}
         elif self.name == "quadratic_gain":  # a parabola at first
             known = {"bend": 0.0}
-        elif self.name == "power_limit":  # the speed follows what is taken back as it follows the current
-            behind_s = core.delay_s + core.lag_s + core.second_lag_s + core.time_constant_s
-            known = {"follow_s": min(behind_s, shapes["follow_s"].high)}
         else:
             known = {}
+        assumed = {}
+        if self.name == "power_limit":  # the speed follows what is taken back as it follows the current
+            behind_s = core.delay_s + core.lag_s + core.second_lag_s + core.time_constant_s
+            assumed = {"follow_s": min(behind_s, shapes["follow_s"].high)}
         shares = SHARES if shapes and self.name != "gear_ratio" else SHARES[:1]
         walked = [_walked(self.name, share) for share in shares]
         alike = set()
         for told in self.told:
             for begun in (one for way in self.begin or (walked,) for one in way):
-                shape = dict(begun) | known | dict(told)
+                shape = assumed | dict(begun) | known | dict(told)
                 effect = kind() if self.name == "gear_ratio" else kind(**shape)
                 acting = tuple(getattr(effect, one) for one in shapes if one not in effect.idle)
                 if acting not in alike:  # what is told may not matter in every way
@@ -292,17 +294,13 @@ def _leaks(recordings: Sequence[Recording]) -> tuple[Starts]:
 def _powers(recordings: Sequence[Recording]) -> tuple[Starts, ...]:
     """Powers that may be taken, loads of the engine from which an electronic limit cuts, and pressures of a cut-off."""
     others = ("follow_s", "onset_pct", "cut_per_pct_s", "release_s", "cutoff_bar", "cut_per_bar")
-    soft = [_walked("power_limit", share, *others) for share in SHARES]
-    ways = [
-        (
-            *soft,
-            *(
-                (("power_kw", power), ("rolling_resistance", ROLLING), ("hold", hold))
-                for hold in HOLDS
-                for power in _demands_kw(recordings)
-            ),
-        )
+    soft = [(*_walked("power_limit", share, *others), ("follow_s", AT_ONCE_S)) for share in SHARES]
+    hard = [
+        (("power_kw", power_kw), ("rolling_resistance", ROLLING), *shapes)
+        for shapes in HOLDS
+        for power_kw in _demands_kw(recordings)
     ]
+    ways = [(*soft, *hard)]
     if all("engine_load_pct" in one.columns for one in recordings):
         ways.append(tuple((("onset_pct", onset), ("cut_per_pct_s", cut)) for onset in ONSETS_PCT for cut in CUTS))
     if all("line_pressure_bar" in one.columns for one in recordings):
@@ -314,7 +312,7 @@ def _powers(recordings: Sequence[Recording]) -> tuple[Starts, ...]:
 
 
 def _demands_kw(recordings: Sequence[Recording]) -> list[float]:
-    """Powers that slope and ground ask for seldom, and more seldom."""
+    """Powers that slope and ground ask for seldom, and more seldom, and that the pressure shows."""
     bound, rolling = EFFECTS["power_limit"].parameters["power_kw"], ROLLING
     asked = []
     for one in recordings:
@@ -322,6 +320,10 @@ def _demands_kw(recordings: Sequence[Recording]) -> list[float]:
         pull_mps2 = GRAVITY_MPS2 * np.sin(np.radians(one.columns[PITCH]))
         asked.append(demand_kw(one.output, pull_mps2, rolling, {"machine_mass_kg": mass_kg}))
     powers_kw = np.nanquantile(np.concatenate(asked), DEMANDED)
+    bar = force_of_a_bar(recordings)
+    if bar is not None:
+        shown = [bar.kn_per_bar * one.columns["line_pressure_bar"] * one.output for one in recordings]
+        powers_kw = np.concatenate([powers_kw, np.nanquantile(np.concatenate(shown), DEMANDED)])
     return np.unique(np.clip(powers_kw, bound.low, 0.99 * bound.high)).tolist()
 
 
@@ -346,7 +348,9 @@ BEGIN: Final[Mapping[str, Callable[[Sequence[Recording]], tuple[Starts, ...]]]] 
 def _power(recordings: Sequence[Recording]) -> tuple[Shapes, ...]:
     """The force that a bar is, and where a fit may start with the pressure at rest; or none: it goes by the slope."""
     bar, by_slope = force_of_a_bar(recordings), _neutral("power_limit", Force._fields)
-    return (by_slope,) if bar is None else (_meant("power_limit", bar), by_slope)
+    if bar is None:
+        return (by_slope,)
+    return _meant("power_limit", bar), _meant("power_limit", bar._replace(rest_bar=0.0)), by_slope
 
 
 def _crop(recordings: Sequence[Recording]) -> tuple[Shapes, ...]:

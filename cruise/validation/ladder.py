@@ -111,7 +111,8 @@ def add(study: Study, effect: str | Custom, show: Show = lambda text: None) -> A
         known = candidate(effect, study.recordings)
     show(f"fitting with {name}")
     grown = search.freed(search.grown(base.explanation, known), name)
-    after = _drivable(search, search.served(search.grounded(search.judged(name, search.settled(grown)))))
+    alone = search.judged(name, search.settled(grown))
+    after = _drivable(search, search.served(search.grounded(search.all_freed(alone))))
     terms = [one for one in after.explanation.effects if isinstance(one, Custom)]
     undefined = [one.name for one in terms if not defined(one, study.recordings)]
     if undefined:

@@ -69,8 +69,8 @@ def tried_beside(
     `known` are fits of candidates that were found on another way.
     """
     search = study.search
-    if chosen and effort is THOROUGH:  # what was missing may have hidden that the core is
-        present = search.served(search.grounded(of_the_best_kind(study, present)))
+    if chosen and effort is THOROUGH:  # what was missing may have hidden that the core, or a shape of an effect, is
+        present = search.all_freed(search.served(search.grounded(of_the_best_kind(study, present))))
     fits = _fitted(search, present, everyone, chosen, show, effort, known)
     before = present.fit
     if fits:  # the best fit's core may be a better start for what is there, too

@@ -18,6 +18,7 @@ from cruise.effects.saturation import Saturation
 from cruise.signals import INPUT, OUTPUT
 from cruise.validation import study
 from cruise.validation.candidates import (
+    AT_ONCE_S,
     BAR_CUTS,
     BLIND,
     CONSEQUENCES,
@@ -185,16 +186,18 @@ def test_a_power_limit_may_go_by_power_engine_load_or_pressure_each_with_its_own
     bar = 200.0 + wander(SAMPLES, 0.2, 5, 20.0, 60.0)
     signals = {"pitch_deg": pitch, "engine_load_pct": load}
     by_power, by_load = ways_of(candidate_of("power_limit", [recorded(**signals)]))
-    behind_s = BARE.core.delay_s + BARE.core.lag_s + BARE.core.second_lag_s + BARE.core.time_constant_s
-    holds = set()
+    core = BARE.core
+    behind_s = core.delay_s + core.lag_s + core.second_lag_s + core.time_constant_s
+    follows = set()
     for one in (start.effects[0] for start in by_power.grown(BARE)):
         assert isinstance(one, PowerLimit)
-        holds.add(one.hold)
-        assert one.follow_s == behind_s
+        follows.add((one.hold == 1.0, one.follow_s))
         assert one.power_kw < UNLIMITED_KW
         assert one.onset_pct == NEVER_PCT
         assert one.idle == {"onset_pct", "cut_per_pct_s", "release_s", "cutoff_bar", "cut_per_bar"}
-    assert holds >= {0.5, 1.0}
+    assert (
+        {(False, AT_ONCE_S), (True, behind_s)} <= follows <= {(False, AT_ONCE_S), (True, behind_s), (True, AT_ONCE_S)}
+    )
     for one in (start.effects[0] for start in by_load.grown(BARE)):
         assert isinstance(one, PowerLimit)
         assert one.power_kw == UNLIMITED_KW

@@ -78,7 +78,8 @@ def test_holes_are_left_out():
 
 def test_a_power_limit_may_go_by_the_pressure_or_by_the_slope_and_without_pressure_by_the_slope():
     one = shown()
-    by_pressure, by_slope = map(dict, told_shapes("power_limit", [one]))
+    by_pressure, from_none, by_slope = map(dict, told_shapes("power_limit", [one]))
+    assert from_none == by_pressure | {"rest_bar": 0.0}, "a pump holds its torque whatever the ground asks for at rest"
     assert by_pressure["kn_per_bar"] == pytest.approx(KN_PER_BAR, rel=0.2)
     assert by_slope == {"kn_per_bar": 0.0, "rest_bar": 0.0}
     bare = Recording(one.time_s, {n: c for n, c in one.columns.items() if n != "line_pressure_bar"}, DT_S, "bare.csv")

@@ -45,8 +45,7 @@ NAMELESS: Final = 0.8  # or a curve without physics, where nothing else has been
 ALONE: Final = (0.65, 0.9)  # or that its signal alone foretells, and of what all signals do, if no effect knows it
 FORCES: Final = 2  # that such an effect may stand for, where it errs hardly more than all of them
 LEFT_BY_MANY: Final = 0.7  # of what all recorded forces leave together: with less, and while they take no more than
-BY_MANY: Final = 0.87  # of what it takes away, it is the one cause of them all,
-HALF: Final = 0.52  # or with so much less, whatever they take: soil beside a force leaves more
+BY_MANY: Final = 0.87  # of what it takes away, it is the one cause of them all
 ROOT: Final = 0.8  # power of the pressure below which it is no force that shows there,
 SURELY: Final = 3.0  # by so many standard errors
 TOLD: Final = 0.35  # of what it takes away: with less that is foretold, a force that nobody recorded acts there
@@ -84,14 +83,14 @@ def _more_than_many(search: Search, present: Judged, mediator: Judged, direct: J
     What takes speed by the pressure takes it by every force in it, each by as much as it shows; the forces that are
     recorded take part of that, be it each for itself, and what nobody recorded is left. A force that is missing is
     taken by itself, and soil beside it is little of what is left; that is why what soil looks like is no such force.
-    Where the recorded ones take nearly all, far less has to be left than they leave: that much no soil explains.
     """
     most = DIRECT * present.loss + (1.0 - DIRECT) * mediator.loss
     if mediator.loss > MEDIATED * present.loss or direct.loss > most or mediator.loss >= LEFT_BY_MANY * direct.loss:
         return 0.0
     many = _forces_together(search, present)
-    all_of_it = present.loss - many.loss > BY_MANY * (present.loss - mediator.loss)
-    return max(1.0 - mediator.loss / ((HALF if all_of_it else LEFT_BY_MANY) * many.loss), 0.0)
+    if present.loss - many.loss > BY_MANY * (present.loss - mediator.loss):
+        return 0.0
+    return max(1.0 - mediator.loss / (LEFT_BY_MANY * many.loss), 0.0)
 
 
 def _through_orifices(search: Search, mediator: Judged, direct: Judged) -> float:

@@ -88,7 +88,6 @@ def said(begun: Study, left: float, instead: float, told: float, monkeypatch, **
         (0.1, DIRECT + 0.2, 0.9, {"many": BY_MANY - 0.05, "name": "dead_zone"}, Through.RECORDED),
         (MEDIATED + 0.05, DIRECT + 0.2, 0.9, {"many": BY_MANY - 0.05}, Through.RECORDED),
         (0.26, DIRECT + 0.2, 0.9, {"many": BY_MANY - 0.01}, Through.RECORDED),
-        (0.05, DIRECT + 0.2, 0.9, {"many": BY_MANY + 0.05}, Through.ITSELF),
         (0.1, DIRECT + 0.2, 0.9, {"exponent": (0.6, 0.02)}, Through.ITSELF),
         (0.1, DIRECT + 0.2, 0.9, {"exponent": (0.6, 0.1)}, Through.RECORDED),
         (0.1, DIRECT + 0.2, 0.9, {"exponent": (0.6, 0.02), "name": "dead_zone"}, Through.RECORDED),

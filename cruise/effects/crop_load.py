@@ -118,5 +118,5 @@ class CropLoad(Effect):
         own_pct = self.idle_pct + abs(past_speed) * (pct_per_mps + self.inertia_pct_per_m2ps3 * accel_mps2)
         taken = 0.01 * (signals["engine_load_pct"] - own_pct)
         beyond = taken - 0.01 * self.onset_pct
-        taken = where(beyond == beyond, where(self.onset_pct > 0.0, where(beyond > 0.0, beyond, 0.0), taken), beyond)
+        taken = where((self.onset_pct > 0.0) * (beyond < 0.0), 0.0, beyond)
         return taken * (abs(taken) / USUAL) ** (self.exponent - 1.0)

@@ -1,22 +1,21 @@
-"""The effects that could be missing: what each needs, whether the recording says anything about it, where fits start.
+"""The effects that could be missing: what each needs, and whether the recording says anything about it.
 
 An effect whose signal is not recorded can't be blamed; one whose signal never moves is not excited, not absent.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, Protocol
 
 import numpy as np
 
-from cruise.effects import EFFECTS, Effect, Parameter, Stage
-from cruise.effects.effect import EMPTY_KG, GRAVITY_MPS2
-from cruise.effects.power_limit import demand_kw
+from cruise.effects import EFFECTS, Effect, Stage
 from cruise.recording import Recording
 from cruise.signals import INPUT, OUTPUT, SIGNALS
+from cruise.validation.beginnings import BEGIN, SHARES, Shapes, Starts, walked
 from cruise.validation.explanation import CORE, Explanation
-from cruise.validation.line_pressure import Force, Traction, force_of_a_bar, load_of_a_bar
 from cruise.validation.slope import PITCH, SLOPE, pitch_share, slope_deg
+from cruise.validation.told import told_shapes
 from cruise.validation.unnamed import (
     POWERS,
     PUSHES,
@@ -31,30 +30,7 @@ from cruise.validation.unnamed import (
     range_of,
 )
 
-SHARES: Final = (0.03, 0.08, 0.18, 0.35, 0.55, 0.8, 0.93)  # of the way from a shape's neutral value to its far bound
-RATES: Final = (0.85, 0.5, 0.3, 0.18, 0.11, 0.065, 0.04)  # of the fastest change of the current
-ONSETS_PCT: Final = (65.0, 78.0, 88.0, 97.0)  # engine loads from which an electronic limit may cut the stroke,
-DROOPS: Final = (((0.1, 1.0), (0.3, 1.0)), ((0.2, 40.0), (0.4, 60.0)))  # shares that engines lose, loads from which on,
-DROOPING_S: Final = 0.5  # and how slowly
-CUTS: Final = (0.003, 0.01, 0.03)  # and how fast, per percent and second
-ROLLING: Final = 0.04  # resistance over weight of the ground where such fits start
-AT_ONCE_S: Final = 0.1  # s in which a soft limit may be followed,
-HOLDS: Final = ((("hold", 0.5), ("follow_s", AT_ONCE_S)), (("hold", 1.0),))  # and a hard one as the current is
-DEMANDED: Final = (
-    0.7,
-    0.8,
-    0.87,
-    0.91,
-    0.94,
-    0.96,
-    0.975,
-    0.985,
-    0.993,
-)  # shares of the powers that the ground asks for below such a limit
-CUT_OFFS: Final = (0.75, 0.9, 0.97)  # shares of the pressures below that from which a cut-off may destroke the pump,
-BAR_CUTS: Final = (0.003, 0.01)  # and by how much, per bar
 HELD: Final = 0.7  # share of the current that a hysteresis holds back where fits start: it is wide or it is whole
-WIDE: Final = 5.0  # ratio of the bounds from which that way is walked in ratios
 CHAIN: Final = tuple(EFFECTS)  # order in which the current meets the effects: that of the table
 SAME: Final = 0.02  # relative spread of a signal below which it never moves
 CONSEQUENCES: Final[Mapping[str, float]] = {"engine_load_pct": 0.85}
@@ -66,13 +42,6 @@ BLIND: Final[Mapping[str, float]] = {"engine_load_pct": 0.6, "line_pressure_bar"
 """The same for a dependence without physics on what the drive itself moves: it would read the answer off it."""
 
 
-BY_SLOPE: Final[Mapping[str, tuple[str, ...]]] = {
-    "power_limit": ("rolling_resistance", "acceleration_share"),
-    "crop_load": ("inertia_pct_per_m2ps3",),
-}
-"""Shapes that say nothing where the line pressure shows the force."""
-Shapes = tuple[tuple[str, float], ...]
-Starts = tuple[Shapes, ...]
 UNNAMED: Final = "unnamed:"
 """Before the signal of a dependence without physics, in the names of candidates."""
 
@@ -135,10 +104,10 @@ class EffectCandidate:
             behind_s = core.delay_s + core.lag_s + core.second_lag_s + core.time_constant_s
             assumed = {"follow_s": min(behind_s, shapes["follow_s"].high)}
         shares = SHARES if shapes and self.name != "gear_ratio" else SHARES[:1]
-        walked = [_walked(self.name, share) for share in shares]
+        ordinary = tuple(walked(self.name, share) for share in shares)
         alike = set()
         for told in self.told:
-            for begun in (one for way in self.begin or (walked,) for one in way):
+            for begun in (one for way in self.begin or (ordinary,) for one in way):
                 shape = assumed | dict(begun) | known | dict(told)
                 effect = kind() if self.name == "gear_ratio" else kind(**shape)
                 acting = tuple(getattr(effect, one) for one in shapes if one not in effect.idle)
@@ -238,146 +207,6 @@ def candidate_of(name: str, recordings: Sequence[Recording]) -> Candidate:
     return EffectCandidate(name, credit, told=told_shapes(name, recordings), begin=begin)
 
 
-def told_shapes(name: str, recordings: Sequence[Recording]) -> tuple[Shapes, ...]:
-    """Shapes of an effect that no fit looks for, in every way in which they may be: told by signals, or by its kind."""
-    return TOLD[name](recordings) if name in TOLD else kinds_of(name)
-
-
-def kinds_of(name: str) -> tuple[Shapes, ...]:
-    """Shapes of every kind that an effect may be of: what lies between two of them bends as much else does."""
-    kinds = EFFECTS[name].kinds if name in EFFECTS else ()
-    return tuple(tuple(kind.items()) for kind in kinds) or ((),)
-
-
-def _grade(recordings: Sequence[Recording]) -> tuple[Shapes]:
-    """Shapes of the grade that no fit of the speed should find: the pitch sensor's; the mass's, where none is known."""
-    share = ("acceleration_share", pitch_share(recordings))
-    weighed = all("machine_mass_kg" in one.columns for one in recordings)
-    return ((share,) if weighed else (share, ("mass_share", 0.0)),)
-
-
-def _rates(recordings: Sequence[Recording]) -> tuple[Starts]:
-    """Rates of the current that limit less and less of its changes: a limit above all of them leaves no trace."""
-    bound = EFFECTS["rate_limit"].parameters["rate_ma_per_s"]
-    moves = np.concatenate([np.abs(np.diff(one.input)) / one.dt_s for one in recordings])
-    fastest = float(np.nanmax(moves, initial=0.0))
-    return (tuple((("rate_ma_per_s", min(max(share * fastest, bound.low), bound.high)),) for share in RATES),)
-
-
-def _falls(recordings: Sequence[Recording]) -> tuple[Starts, Starts]:
-    """The paces of braking, and limits of how fast the drive may fall."""
-    (rates,) = _rates(recordings)
-    paces = tuple(_walked("active_braking", share, "fall_ma_per_s") for share in SHARES)
-    return paces, tuple((("fall_ma_per_s", rate),) for ((_, rate),) in rates)
-
-
-def _oils(recordings: Sequence[Recording]) -> tuple[Starts, ...]:
-    """Losses in hot oil, paces in cold, and drag in cold."""
-    ways = ("loss_share", "pace_exponent", "drag_share")
-    return tuple(
-        tuple(_walked("oil_temperature", share, *(one for one in ways if one != way)) for share in SHARES)
-        for way in ways
-    )
-
-
-def _droops(recordings: Sequence[Recording]) -> tuple[Starts, ...]:
-    """Engines that give way from no load on, and from a load on."""
-    slow = ("filter_s", DROOPING_S)
-    return tuple(tuple((("droop_share", share), ("onset_pct", onset), slow) for share, onset in way) for way in DROOPS)
-
-
-def _leaks(recordings: Sequence[Recording]) -> tuple[Starts]:
-    """Gaps, orifices, and gaps that the pressure widens."""
-    return (tuple((("exponent", exponent),) for exponent in (1.0, 0.6, 1.4)),)
-
-
-def _powers(recordings: Sequence[Recording]) -> tuple[Starts, ...]:
-    """Powers that may be taken, loads of the engine from which an electronic limit cuts, and pressures of a cut-off."""
-    others = ("follow_s", "onset_pct", "cut_per_pct_s", "release_s", "cutoff_bar", "cut_per_bar")
-    soft = [(*_walked("power_limit", share, *others), ("follow_s", AT_ONCE_S)) for share in SHARES]
-    hard = [
-        (("power_kw", power_kw), ("rolling_resistance", ROLLING), *shapes)
-        for shapes in HOLDS
-        for power_kw in _demands_kw(recordings)
-    ]
-    ways = [(*soft, *hard)]
-    if all("engine_load_pct" in one.columns for one in recordings):
-        ways.append(tuple((("onset_pct", onset), ("cut_per_pct_s", cut)) for onset in ONSETS_PCT for cut in CUTS))
-    if all("line_pressure_bar" in one.columns for one in recordings):
-        bound = EFFECTS["power_limit"].parameters["cutoff_bar"]
-        pressures = np.concatenate([one.columns["line_pressure_bar"] for one in recordings])
-        onsets = np.clip(np.nanquantile(pressures, CUT_OFFS), bound.low, bound.high).tolist()
-        ways.append(tuple((("cutoff_bar", onset), ("cut_per_bar", cut)) for onset in onsets for cut in BAR_CUTS))
-    return tuple(ways)
-
-
-def _demands_kw(recordings: Sequence[Recording]) -> list[float]:
-    """Powers that slope and ground ask for seldom, and more seldom, and that the pressure shows."""
-    bound, rolling = EFFECTS["power_limit"].parameters["power_kw"], ROLLING
-    asked = []
-    for one in recordings:
-        mass_kg = one.columns.get("machine_mass_kg", np.full(len(one), EMPTY_KG))
-        pull_mps2 = GRAVITY_MPS2 * np.sin(np.radians(one.columns[PITCH]))
-        asked.append(demand_kw(one.output, pull_mps2, rolling, {"machine_mass_kg": mass_kg}))
-    powers_kw = np.nanquantile(np.concatenate(asked), DEMANDED)
-    bar = force_of_a_bar(recordings)
-    if bar is not None:
-        shown = [bar.kn_per_bar * one.columns["line_pressure_bar"] * one.output for one in recordings]
-        powers_kw = np.concatenate([powers_kw, np.nanquantile(np.concatenate(shown), DEMANDED)])
-    return np.unique(np.clip(powers_kw, bound.low, 0.99 * bound.high)).tolist()
-
-
-def _walked(name: str, share: float, *neutral: str) -> Shapes:
-    """Shapes so far on their way from neutral values to their far bounds, but for those that stay neutral."""
-    kind = EFFECTS[name]
-    still = {*neutral, *kind.spare}
-    return tuple((one, _on_the_way(bound, share)) for one, bound in kind.parameters.items() if one not in still)
-
-
-BEGIN: Final[Mapping[str, Callable[[Sequence[Recording]], tuple[Starts, ...]]]] = {
-    "rate_limit": _rates,
-    "active_braking": _falls,
-    "power_limit": _powers,
-    "oil_temperature": _oils,
-    "leakage": _leaks,
-    "engine_droop": _droops,
-}
-"""Effects of which the recordings say where they would act at all: where their fits start."""
-
-
-def _power(recordings: Sequence[Recording]) -> tuple[Shapes, ...]:
-    """The force that a bar is, and where a fit may start with the pressure at rest; or none: it goes by the slope."""
-    bar, by_slope = force_of_a_bar(recordings), _neutral("power_limit", Force._fields)
-    if bar is None:
-        return (by_slope,)
-    return _meant("power_limit", bar), _meant("power_limit", bar._replace(rest_bar=0.0)), by_slope
-
-
-def _crop(recordings: Sequence[Recording]) -> tuple[Shapes, ...]:
-    """The load that the drive's pressure makes of the engine's; or none, as crop itself may be in the pressure."""
-    bar, without_it = load_of_a_bar(recordings), _neutral("crop_load", Traction._fields)
-    return (without_it,) if bar is None else (_meant("crop_load", bar), without_it)
-
-
-def _meant(name: str, bar: Force | Traction) -> Shapes:
-    """What a bar means, within bounds, and neutral values of what it makes superfluous."""
-    shapes = EFFECTS[name].parameters
-    meant = ((shape, min(max(value, shapes[shape].low), shapes[shape].high)) for shape, value in bar._asdict().items())
-    return (*meant, *_neutral(name, BY_SLOPE[name]))
-
-
-def _neutral(name: str, shapes: Sequence[str]) -> Shapes:
-    return tuple((shape, EFFECTS[name].parameters[shape].neutral) for shape in shapes)
-
-
-TOLD: Final[Mapping[str, Callable[[Sequence[Recording]], tuple[Shapes, ...]]]] = {
-    "grade": _grade,
-    "power_limit": _power,
-    "crop_load": _crop,
-}
-"""Shapes of effects that the signals themselves tell; where they may be told in two ways, both."""
-
-
 def unnamed(recordings: Sequence[Recording], explanation: Explanation) -> list[UnnamedCandidate]:
     """Every recorded signal as something on which the speed could depend in a way that is not in the table."""
     found = []
@@ -458,10 +287,3 @@ def _with_effects(explanation: Explanation, effects: Sequence[Effect]) -> Explan
 
 def _place(name: str) -> int:
     return CHAIN.index(name) if name in CHAIN else len(CHAIN)
-
-
-def _on_the_way(bound: Parameter, share: float) -> float:
-    far = max((bound.low, bound.high), key=lambda value: abs(value - bound.neutral))
-    if min(bound.low, bound.neutral) > 0.0 and bound.high > WIDE * bound.low:
-        return bound.neutral * (far / bound.neutral) ** share
-    return bound.neutral + share * (far - bound.neutral)

@@ -16,13 +16,14 @@ import numpy as np
 
 from cruise.effects import Effect, Stage
 from cruise.model import prediction
-from cruise.validation.candidates import Candidate, EffectCandidate, kinds_of, ways_of, with_effect, without
+from cruise.validation.candidates import Candidate, EffectCandidate, ways_of, with_effect, without
 from cruise.validation.disturbance import Disturbance, disturbance_of
 from cruise.validation.explanation import CORE, START, Explanation
 from cruise.validation.fitting import Fit, Layout, Objective, bounded, fit, layout
 from cruise.validation.simulation import RAN_AWAY_MPS, Scene
 from cruise.validation.slip import slip_mps, sure_of_slip
 from cruise.validation.starts import NEARLY, Starts, apart
+from cruise.validation.told import kinds_of
 from cruise.validation.unnamed import RestCurrent
 
 FOLDS: Final = 5

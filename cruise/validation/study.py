@@ -18,11 +18,12 @@ from cruise.identification.structures import Family, Structure
 from cruise.model.model import Model
 from cruise.recording import Recording, resample
 from cruise.signals import OUTPUT
-from cruise.validation.candidates import BY_SLOPE, Candidate, EffectCandidate, candidate_of, kinds_of, why_not
+from cruise.validation.candidates import Candidate, EffectCandidate, candidate_of, why_not
 from cruise.validation.explanation import START, Explanation
 from cruise.validation.line_pressure import force_of_a_bar
 from cruise.validation.search import Judged, Search
 from cruise.validation.simulation import JUDGED_S, WARM_UP_S, Scene
+from cruise.validation.told import BY_SLOPE, kinds_of
 
 SHORTEST_S: Final = 60.0  # s of data in which anything can be judged held-out
 FINEST_S: Final = 0.04  # s, the finest rate at which the current is reshaped: no servo moves within it,

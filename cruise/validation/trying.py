@@ -16,7 +16,7 @@ import numpy as np
 
 from cruise.effects import EFFECTS
 from cruise.validation.background import STRUCTURAL, Background
-from cruise.validation.candidates import MEDIATORS, UNNAMED, Candidate, EffectCandidate, told_shapes, without
+from cruise.validation.candidates import MEDIATORS, UNNAMED, Candidate, EffectCandidate, without
 from cruise.validation.explanation import Explanation
 from cruise.validation.fitting import Fit
 from cruise.validation.mediator import SHOWN, SILENT, Said, Through, behind, may_be_needed, needed, refuted, weighed
@@ -24,6 +24,7 @@ from cruise.validation.search import AT_BOUND, Judged, Search, gain, sureness
 from cruise.validation.side_by_side import side_by_side
 from cruise.validation.slope import PITCH
 from cruise.validation.study import Study
+from cruise.validation.told import told_shapes
 from cruise.validation.tried import LEAST_GAIN, LOOSE, RESISTANCE, Step, Tried, counted, held_out
 
 OF_BOTH_SPEEDS: Final = frozenset({"wheel_slip", "sensor_bias"})  # read the difference of wheel and ground speed

@@ -17,13 +17,10 @@ from cruise.effects.rate_limit import RateLimit
 from cruise.effects.saturation import Saturation
 from cruise.signals import INPUT, OUTPUT
 from cruise.validation import study
+from cruise.validation.beginnings import AT_ONCE_S, BAR_CUTS, CUT_OFFS, RATES
 from cruise.validation.candidates import (
-    AT_ONCE_S,
-    BAR_CUTS,
     BLIND,
     CONSEQUENCES,
-    CUT_OFFS,
-    RATES,
     DelayCandidate,
     EffectCandidate,
     Refused,
@@ -213,9 +210,10 @@ def test_a_power_limit_may_go_by_power_engine_load_or_pressure_each_with_its_own
     assert list(alone.grown(BARE)) == list(by_power.grown(BARE))
 
 
-@pytest.mark.parametrize(
-    "name", ["grade", "leakage", "engine_speed", "coulomb_friction", "sensor_bias", "engine_droop"]
-)
+HAVE_SPARE = [name for name, kind in EFFECTS.items() if kind.spare and name != "oil_temperature"]  # its goes with drag
+
+
+@pytest.mark.parametrize("name", HAVE_SPARE)
 def test_a_spare_shape_is_neutral_where_fits_start_and_none_looks_for_it(name):
     starts = [one.effects[0] for one in candidate_of(name, [everything()]).grown(BARE)]
     assert starts

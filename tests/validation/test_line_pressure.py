@@ -5,8 +5,8 @@ import pytest
 
 from cruise.recording import Recording
 from cruise.signals import OUTPUT
-from cruise.validation.candidates import told_shapes
 from cruise.validation.line_pressure import force_of_a_bar, load_of_a_bar
+from cruise.validation.told import told_shapes
 from tests.validation.driving import GRAVITY_MPS2, drive, wander
 
 DT_S, SECONDS = 0.1, 300.0

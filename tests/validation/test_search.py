@@ -12,12 +12,13 @@ from cruise.model import prediction
 from cruise.model.core import Core
 from cruise.recording import Recording
 from cruise.signals import OUTPUT
-from cruise.validation.candidates import EffectCandidate, UnnamedCandidate, kinds_of, with_effect
+from cruise.validation.candidates import EffectCandidate, UnnamedCandidate, with_effect
 from cruise.validation.disturbance import Disturbance
 from cruise.validation.explanation import Explanation
 from cruise.validation.fitting import Fit, Objective, fit
 from cruise.validation.search import BLOCK_S, FOLDS, SETTLED, Judged, Search, gain, sureness
 from cruise.validation.simulation import Scene
+from cruise.validation.told import kinds_of
 from tests.validation.driving import GAIN, OFFSET_MPS, drive, wander
 
 ZONE = EffectCandidate("dead_zone", told=kinds_of("dead_zone"))

@@ -9,10 +9,11 @@ from cruise.effects.coulomb_friction import CoulombFriction
 from cruise.effects.dead_zone import DeadZone
 from cruise.effects.quadratic_gain import QuadraticGain
 from cruise.effects.rate_limit import RateLimit
-from cruise.validation.candidates import EffectCandidate, told_shapes, with_effect
+from cruise.validation.candidates import EffectCandidate, with_effect
 from cruise.validation.fitting import bounded
 from cruise.validation.search import Search
 from cruise.validation.starts import NEARLY, Promise, Starts, apart
+from cruise.validation.told import told_shapes
 from tests.validation.driving import drive
 from tests.validation.test_search import START, recorded, search_of
 

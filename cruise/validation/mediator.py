@@ -47,7 +47,7 @@ FORCES: Final = 2  # that such an effect may stand for, where it errs hardly mor
 LEFT_BY_MANY: Final = 0.7  # of what all recorded forces leave together: with less, and while they take no more than
 BY_MANY: Final = 0.87  # of what it takes away, it is the one cause of them all
 ROOT: Final = 0.8  # power of the pressure below which it is no force that shows there,
-SURELY: Final = 3.0  # by so many standard errors
+SURELY: Final = 2.0  # by so many standard errors
 TOLD: Final = 0.35  # of what it takes away: with less that is foretold, a force that nobody recorded acts there
 
 

@@ -157,8 +157,7 @@ def _print(
         f"{added.error_after_mps:.4f} m/s[/bold], {f'{100 * less:.0f} % less' if less >= 0.0 else 'more than before'}"
     )
     console.print(f"noise floor: {floor_in_words(floor)}")
-    absent = any(one.name.startswith(f"{added.effect}.") and one.remark == NO_SIGN for one in fitted)
-    if absent:
+    if _absent(added.effect, fitted):
         console.print("There is no sign of it in these recordings: it was fitted to nothing, or may push one way only.")
     elif less < LITTLE:
         console.print("It explains next to nothing of these recordings: cruise diagnose says what would.")
@@ -167,6 +166,13 @@ def _print(
         console.print("nothing was written; -o FILE.yaml keeps the model")
     else:
         console.print(f"model: {out}; next: cruise ladder {out}, or cruise run with it", markup=False)
+
+
+def _absent(effect: str, fitted: list[Parameter]) -> bool:
+    """Whether it was fitted to nothing: its load, or all its shapes where it has none. One shape may stay neutral."""
+    remarks = {one.name.removeprefix(f"{effect}."): one.remark for one in fitted if one.name.startswith(f"{effect}.")}
+    asked = [remarks["load"]] if "load" in remarks else list(remarks.values())
+    return bool(asked) and all(remark == NO_SIGN for remark in asked)
 
 
 def floor_in_words(floor: NoiseFloor) -> str:

@@ -8,6 +8,7 @@ import msgspec
 import pytest
 
 from cruise import cli, settings
+from cruise.cli.add import _absent
 from cruise.cli.places import CONFIG
 from cruise.csv_file import write_csv
 from cruise.model import files
@@ -15,6 +16,7 @@ from cruise.plant import PlantSettings
 from cruise.service import course, demo
 from cruise.service import settings as service_settings
 from cruise.validation import ladder as validation
+from cruise.validation.ladder import NO_SIGN
 from cruise.validation.noise_floor import Bound, NoiseFloor
 from tests.validation.machine import record
 
@@ -236,6 +238,21 @@ def test_an_effect_that_explains_nothing_is_said_to(verb, drives):
     code, out, _ = verb("add", "custom(lift, load, pitch_deg)", "--model", MODEL, drives / "hills.csv")
     assert code == 0
     assert "There is no sign of it in these recordings" in flat(out)
+
+
+@pytest.mark.parametrize(
+    ("remarks", "none"),
+    [
+        ({"grade.load": "", "grade.mass_share": NO_SIGN}, False),  # 48 % less, by a slope that no mass changes
+        ({"grade.load": NO_SIGN, "grade.mass_share": ""}, True),
+        ({"grade.threshold_ma": NO_SIGN, "grade.width_ma": NO_SIGN}, True),
+        ({"grade.threshold_ma": "", "grade.width_ma": NO_SIGN}, False),
+        ({"gain_mps_per_ma": NO_SIGN}, False),
+    ],
+)
+def test_an_effect_is_there_though_a_shape_of_it_is_not(remarks, none):
+    fitted = [validation.Parameter(name, "", None, 0.0, 0.0, remark) for name, remark in remarks.items()]
+    assert _absent("grade", fitted) is none
 
 
 def test_the_file_goes_unchanged_into_the_service(built):

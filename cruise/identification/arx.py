@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from cruise.identification.families import Linear
-from cruise.identification.least_squares import fitted, solve_rows
-from cruise.identification.regressors import Smooth, model_rows
+from cruise.identification.least_squares import fit_and_solution
+from cruise.identification.regressors import Smooth
 from cruise.model.model import Model
 from cruise.recording import Recording
 
@@ -26,9 +26,8 @@ class Arx(Linear):
 
 def fit_arx(model: Model, recordings: Sequence[Recording], smooth: Smooth | None = None) -> Arx:
     """The ARX model of this structure that fits all recordings best. Raises FitError."""
-    rows = model_rows(model, recordings, smooth)
-    found = solve_rows(rows, smooth)
-    return Arx(fitted(model, rows, found), "least squares" + condition_in_words(found.condition))
+    found, solution = fit_and_solution(model, recordings, smooth)
+    return Arx(found, "least squares" + condition_in_words(solution.condition))
 
 
 def condition_in_words(condition: float) -> str:

@@ -4,9 +4,11 @@
 
 X (N, n) columns of unit RMS, t (N,) target in m/s. The normal equations, refined once, as long as the condition of X is
 below 1e5 (they square it); else QR with the singular values of R. Columns that are the same up to a factor are refused
-by name. Filtering makes neighbouring columns nearly alike without taking away what tells them apart in principle;
-such a fit goes through, and its condition is reported. Sources: L. Ljung, System Identification, 2nd ed. 1999,
-sections 7.3 and 10.1; N. J. Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed. 2002, section 20.4.
+by name. Filtering makes neighbouring columns nearly alike without taking away what tells them apart in principle; such
+a fit goes through, and its condition is reported. Where a drive yields with its stroke, the columns go by the pole and
+gain that are looked for: they are made again with those that were found, until they stay. Sources: L. Ljung, System
+Identification, 2nd ed. 1999, sections 7.3 and 10.1; N. J. Higham, Accuracy and Stability of Numerical Algorithms, 2nd
+ed. 2002, section 20.4.
 """
 
 from collections.abc import Sequence
@@ -23,6 +25,8 @@ from cruise.recording import Recording
 GRAM_RECIPROCAL: Final = 1e-10  # reciprocal condition of X' X down to which the normal equations lose nothing
 COLLINEAR: Final = 1e-10  # relative singular value of measured columns below which they are one and the same
 FILTERED: Final = 1e-13  # the same of filtered columns: below it only rounding tells them apart
+ROUNDS: Final = 50  # of least squares, at most, until what a drive yields by with its stroke stays the same,
+SETTLED: Final = 1e-6  # relative to it
 IN_COMBINATION: Final = 0.2  # weight, relative to the largest, from which a column belongs to a named combination
 
 
@@ -108,5 +112,22 @@ def fitted(model: Model, rows: Rows, found: Solution) -> Model:
 
 def fit(model: Model, recordings: Sequence[Recording], smooth: Smooth | None = None) -> Model:
     """The same structure with the parameters that fit all recordings best, their standard errors and the residual's."""
+    return fit_and_solution(model, recordings, smooth)[0]
+
+
+def fit_and_solution(
+    model: Model, recordings: Sequence[Recording], smooth: Smooth | None = None
+) -> tuple[Model, Solution]:
+    """The same with the solution of its last round: several, where the columns go by pole and gain themselves."""
+    found, solution = _once(model, recordings, smooth)
+    for _ in range(ROUNDS if model.stroke_share else 0):
+        before, (found, solution) = found, _once(found, recordings, smooth)
+        if np.allclose(found.theta, before.theta, rtol=SETTLED, atol=0.0):
+            break
+    return found, solution
+
+
+def _once(model: Model, recordings: Sequence[Recording], smooth: Smooth | None) -> tuple[Model, Solution]:
     rows = model_rows(model, recordings, smooth)
-    return fitted(model, rows, solve_rows(rows, smooth))
+    solution = solve_rows(rows, smooth)
+    return fitted(model, rows, solution), solution

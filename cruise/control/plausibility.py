@@ -60,6 +60,9 @@ class PlausibilitySettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unk
     # comes within 2.5 s makes 0.09, and noise 0.07
     force_mps: Positive = 0.18
     force_share: Positive = 0.5  # of how much the drive itself does so: twice what of its pace is not known (observer)
+    # likewise, where both go the same way: a drive that follows its command two and a half times as quickly as the
+    # model says is a wrong model (high gears, a stroke that yields), and no force
+    quick_share: Positive = 1.5
     behind_mps: Positive = 0.3  # m/s that the machine may be behind the reference
     crowd: Positive = 1.6  # of the frames of a message in the second before engaging: more is a second sender
     faulty_share: Positive = 0.5  # of the last frames of a protected message
@@ -244,8 +247,9 @@ def _frozen(seen: Seen, memory: Memory, settings: PlausibilitySettings) -> float
 
 def _force(seen: Seen, memory: Memory, settings: PlausibilitySettings) -> float:
     """A brake that nobody sees, or a sensor that jumps: a hill, however steep, comes in seconds."""
-    sudden = memory.suddenness
-    return sudden.more_mps / (settings.force_mps + settings.force_share * sudden.own_mps)
+    more_mps, own_mps = memory.suddenness.more_mps, memory.suddenness.own_mps
+    share = settings.quick_share if more_mps * own_mps > 0.0 else settings.force_share
+    return abs(more_mps) / (settings.force_mps + share * abs(own_mps))
 
 
 def _jump(seen: Seen, memory: Memory, settings: PlausibilitySettings) -> float:

@@ -15,6 +15,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum, auto
+from functools import cached_property
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -36,6 +37,9 @@ MEDIATED: Final = 0.27  # of the present loss: all that an effect may leave thro
 NOISY: Final = 0.65  # likewise, where no other cause takes away more than
 LONELY: Final = 0.35  # of what it does, and no effect has been found yet: then noise is most of what it leaves,
 LONELIER: Final = 0.25  # and less where it leaves more than the next: soil does, beside a little of everything,
+WHITE: Final = 0.2  # of the present loss above white noise: with less it may leave more in all,
+FORETOLD: Final = 0.5  # if signals foretell so much of what it takes away, and no other cause takes half of that:
+# soil is foretold by none, and where nothing is missing it leaves 0.26 or more (58 drives without anything)
 UNSEEN: Final = 0.4  # and no more than so much, where it is a force that nobody recorded
 MORE: Final = 0.8  # of what the best direct cause leaves: with less, and with
 BEYOND: Final = 0.04  # of the present loss, that it must take away beyond the best direct cause: forms may be wrong
@@ -145,7 +149,17 @@ class _Against:
     def margin(self) -> float:
         """How far it is from leaving too much, for which less is asked where no other cause explains much."""
         lonely = LONELY if self.left <= UNSEEN else LONELIER
-        return max(1.0 - self.left / MEDIATED, 1.0 - self.instead / lonely if self.first else 0.0)
+        return max(1.0 - self.left / MEDIATED, 1.0 - self.instead / lonely if self.first else 0.0, self.clearness)
+
+    @cached_property
+    def clearness(self) -> float:
+        """How far it is from leaving more than white noise (0..1), where it is small beside that, and clear."""
+        if not self.first or self.left <= MEDIATED or self.instead > DIRECT:
+            return 0.0
+        if self.told(self.present.fit.error_mps) < FORETOLD:
+            return 0.0
+        white = 0.5 * float(np.nanmean(np.diff(self.mediator.error_mps) ** 2))
+        return max(1.0 - (self.mediator.loss - white) / (self.present.loss - white) / WHITE, 0.0)
 
     def told(self, error_mps: np.ndarray, by: str = "") -> float:
         """R^2 that signals foretell of what it takes away from an error, all of them or `by` one."""

@@ -1,5 +1,8 @@
 """Line pressure holds every force, recorded or not, and tells them from what acts on the command."""
 
+from collections.abc import Mapping
+from types import MappingProxyType
+
 import numpy as np
 import pytest
 
@@ -12,14 +15,21 @@ from tests.validation.diagnosing import DT_S, HEADER, PERIOD_S, PITCH, SAMPLES, 
 from tests.validation.driving import GRAVITY_MPS2, drive, wander
 
 MASS_KG = 15000.0 + wander(SAMPLES, DT_S, 14, 2500.0, 6.0)
+LITTLE_MPS = 0.011  # standard deviation of a cause that leaves as much as noise of 0.02 m/s at 20 Hz does in 0.2 s
 
 
 def pressed(
-    pressure_bar: np.ndarray, load_mps: np.ndarray, mass_kg: np.ndarray | None = None, pitched: bool = True, **hidden
+    pressure_bar: np.ndarray,
+    load_mps: np.ndarray,
+    mass_kg: np.ndarray | None = None,
+    pitched: bool = True,
+    others: Mapping[str, np.ndarray] = MappingProxyType({}),
+    **hidden,
 ) -> Diagnosis:
     columns = {"header_height_mm": HEADER, "line_pressure_bar": pressure_bar}
     columns |= {"pitch_deg": PITCH} if pitched else {}
     columns |= {} if mass_kg is None else {"machine_mass_kg": mass_kg}
+    columns |= others
     one = drive(SECONDS, 4, DT_S, 0.02, columns=columns, load_mps=load_mps, **hidden)
     return diagnose(study([one], STRUCTURE, None, PERIOD_S))
 
@@ -134,3 +144,20 @@ def test_the_pressures_force_is_that_of_one_recorded_signal_though_no_smooth_cur
     pull_mps = -0.6 * np.clip((250.0 - HEADER) / 60.0, 0.0, 0.4)
     one = pressed(120.0 - 300.0 * pull_mps, pull_mps)
     assert (one.verdict, one.signals) == (Verdict.UNLISTED, ("header_height_mm",))
+
+
+def test_a_little_leakage_is_one_cause_though_noise_is_half_of_what_it_leaves():
+    """Three forces move the pressure, of which none takes half of what it takes; two are in no table."""
+    tyre_bar = 2.0 + wander(SAMPLES, DT_S, 16, 0.3, 4.0)
+    moved_bar = 11.0 * PITCH + 0.7 * (HEADER - 300.0) + 130.0 * (tyre_bar - 2.0)
+    load_mps = -LITTLE_MPS * moved_bar / moved_bar.std()
+    one = pressed(120.0 + moved_bar, load_mps, others={"tyre_pressure_bar": tyre_bar})
+    assert one.final.loss > 0.4 * one.base.loss
+    assert (one.verdict, one.effects) == (Verdict.MISSING, ("leakage",))
+
+
+def test_a_little_soil_that_shows_in_the_pressure_is_nothing():
+    soil_mps = wander(SAMPLES, DT_S, 13, 1.0, 4.0)
+    pressure_bar = 120.0 - 25.0 * soil_mps / soil_mps.std()
+    one = pressed(pressure_bar, LITTLE_MPS * soil_mps / soil_mps.std(), MASS_KG)
+    assert (one.verdict, one.effects) == (Verdict.NOTHING, ())

@@ -10,6 +10,7 @@ that. With a line through every reading noise moves S by less than the differenc
 
 import math
 from collections import deque
+from itertools import islice
 from typing import Final
 
 import numpy as np
@@ -34,6 +35,12 @@ class Suddenness:
     def own_mps(self) -> float:
         """What the drive itself does, by the model: faster is positive."""
         return max(self.own, key=abs)
+
+    @property
+    def change_mps(self) -> float:
+        """By how much the speed changed within the last T."""
+        n = len(self._weights) // 2
+        return sum(islice(self.expected, n, None)) + sum(islice(self.unexpected, n, None))
 
     def take(self, expected_mps: float, unexpected_mps: float) -> None:
         """One frame on, with the two parts of the change of the speed in it; what is not known was none."""

@@ -64,6 +64,13 @@ def test_what_the_drive_itself_does_at_once_counts_for_as_long_as_it_can_be_mist
     assert own_mps[60 + 4 * frames :] == pytest.approx(0.0, abs=1e-9)
 
 
+def test_the_change_is_that_of_both_parts_within_the_time():
+    suddenness = Suddenness(FRAME_S)
+    for _ in range(20):
+        suddenness.take(-0.03, -0.02)
+    assert suddenness.change_mps == pytest.approx(-0.05 * OVER_S / FRAME_S)
+
+
 @pytest.mark.parametrize("hole", [(math.nan, 0.5), (0.5, math.nan)])
 def test_what_is_not_known_was_no_change(hole):
     suddenness = Suddenness(FRAME_S)

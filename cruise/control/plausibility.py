@@ -60,10 +60,6 @@ class PlausibilitySettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unk
     # comes within 2.5 s makes 0.09, and noise 0.07
     force_mps: Positive = 0.18
     force_share: Positive = 0.5  # of how much the drive itself does so: twice what of its pace is not known (observer)
-    # likewise, where both slow the machine down, by no more within 0.4 s than its command may (1 m/s2) and a third: one
-    # that follows its command twice as quickly as the model says has a wrong model (high gears, a stroke that yields)
-    quick_share: Positive = 1.0
-    quick_mps: Positive = 0.54
     behind_mps: Positive = 0.3  # m/s that the machine may be behind the reference
     crowd: Positive = 1.6  # of the frames of a message in the second before engaging: more is a second sender
     faulty_share: Positive = 0.5  # of the last frames of a protected message
@@ -249,9 +245,7 @@ def _frozen(seen: Seen, memory: Memory, settings: PlausibilitySettings) -> float
 def _force(seen: Seen, memory: Memory, settings: PlausibilitySettings) -> float:
     """A brake that nobody sees, or a sensor that jumps: a hill, however steep, comes in seconds."""
     sudden = memory.suddenness
-    quick = max(sudden.more_mps, sudden.own_mps) < 0.0 and sudden.change_mps > -settings.quick_mps
-    share = settings.quick_share if quick else settings.force_share
-    return abs(sudden.more_mps) / (settings.force_mps + share * abs(sudden.own_mps))
+    return sudden.more_mps / (settings.force_mps + settings.force_share * sudden.own_mps)
 
 
 def _jump(seen: Seen, memory: Memory, settings: PlausibilitySettings) -> float:

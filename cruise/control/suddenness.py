@@ -10,7 +10,6 @@ that. With a line through every reading noise moves S by less than the differenc
 
 import math
 from collections import deque
-from itertools import islice
 from typing import Final
 
 import numpy as np
@@ -19,7 +18,7 @@ OVER_S: Final = 0.4  # T, s: a force comes within less, a hill within some secon
 
 
 class Suddenness:
-    """`more_mps` is S of what no command explains, `own_mps` that of the rest where it was greatest within 2 T."""
+    """`more_mps` is |S| of what no command explains, `own_mps` the greatest |S| of the rest within the last 2 T."""
 
     def __init__(self, frame_s: float) -> None:
         n = max(round(OVER_S / frame_s), 1)
@@ -33,19 +32,13 @@ class Suddenness:
 
     @property
     def own_mps(self) -> float:
-        """What the drive itself does, by the model: faster is positive."""
-        return max(self.own, key=abs)
-
-    @property
-    def change_mps(self) -> float:
-        """By how much the speed changed within the last T."""
-        n = len(self._weights) // 2
-        return sum(islice(self.expected, n, None)) + sum(islice(self.unexpected, n, None))
+        """What the drive itself does, by the model."""
+        return max(self.own)
 
     def take(self, expected_mps: float, unexpected_mps: float) -> None:
         """One frame on, with the two parts of the change of the speed in it; what is not known was none."""
         known = math.isfinite(expected_mps) and math.isfinite(unexpected_mps)
         self.expected.append(expected_mps if known else 0.0)
         self.unexpected.append(unexpected_mps if known else 0.0)
-        self.more_mps, own_mps = (float(self._weights @ one) for one in (self.unexpected, self.expected))
+        self.more_mps, own_mps = (abs(float(self._weights @ one)) for one in (self.unexpected, self.expected))
         self.own.append(own_mps)

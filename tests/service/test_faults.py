@@ -305,6 +305,6 @@ def test_what_the_drive_itself_does_is_told_from_a_force():
     for k in range(2, 50):
         plausibility = whole.run(0.1 * k).node.plausibility
         assert plausibility is not None
-        own.append(abs(plausibility.memory.suddenness.own_mps))
+        own.append(plausibility.memory.suddenness.own_mps)
     assert max(own) > 0.2
     assert own[-1] < 0.1

@@ -12,7 +12,8 @@ PAGES = sorted(page for page in ROOT.rglob("README.md") if not any(part.startswi
 PLACE = re.compile(r"(?:cruise|config|tests|tools|systemd)/[\w./*-]*[\w/]")
 CODE = re.compile(r"`([^`\n]+)`|^ {4}(.+)$", re.MULTILINE)
 PICTURE = re.compile(r"src(?:set)?=\"([^\"]+)\"")
-LINK = re.compile(r"\]\(#([\w-]+)\)")
+HEADING = re.compile(r"\]\(#([\w-]+)\)")
+LINK = re.compile(r"\]\(([\w./-]+)\)")
 VERB = re.compile(r"(?:^|[&;/] ?)cruise ([a-z]+)")
 WIDTH = 120
 
@@ -33,6 +34,7 @@ def test_there_are_pages():
 
 def test_every_file_named_is_there(page):
     named = {place for code in code_of(page) for place in PLACE.findall(code)} | set(PICTURE.findall(page))
+    named |= set(LINK.findall(page))
     assert [place for place in sorted(named) if not any(ROOT.glob(place))] == []
 
 
@@ -42,7 +44,7 @@ def test_every_verb_named_is_one(page):
 
 def test_every_link_has_its_heading(page):
     headings = {line.lstrip("# ").lower().replace(" ", "-") for line in page.splitlines() if line.startswith("#")}
-    assert set(LINK.findall(page)) <= headings
+    assert set(HEADING.findall(page)) <= headings
 
 
 def test_no_line_is_too_long(page):

@@ -39,7 +39,7 @@ LONELY: Final = 0.35  # of what it does, and no effect has been found yet: then 
 LONELIER: Final = 0.25  # and less where it leaves more than the next: soil does, beside a little of everything,
 WHITE: Final = 0.2  # of the present loss above white noise: with less it may leave more in all,
 FORETOLD: Final = 0.5  # if signals foretell so much of what it takes away, and no other cause takes half of that:
-# soil is foretold by none, and where nothing is missing it leaves 0.26 or more (58 drives without anything)
+# soil is foretold by none; of a little of everything, which may leave as little, others take two thirds or more
 UNSEEN: Final = 0.4  # and no more than so much, where it is a force that nobody recorded
 MORE: Final = 0.8  # of what the best direct cause leaves: with less, and with
 BEYOND: Final = 0.04  # of the present loss, that it must take away beyond the best direct cause: forms may be wrong
@@ -154,9 +154,8 @@ class _Against:
     @cached_property
     def clearness(self) -> float:
         """How far it is from leaving more than white noise (0..1), where it is small beside that, and clear."""
-        if not self.first or self.left <= MEDIATED or self.instead > DIRECT:
-            return 0.0
-        if self.told(self.present.fit.error_mps) < FORETOLD:
+        clear = self.first and self.left > MEDIATED and self.instead <= DIRECT
+        if not clear or self.told(self.present.fit.error_mps) < FORETOLD:
             return 0.0
         white = 0.5 * float(np.nanmean(np.diff(self.mediator.error_mps) ** 2))
         return max(1.0 - (self.mediator.loss - white) / (self.present.loss - white) / WHITE, 0.0)

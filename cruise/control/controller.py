@@ -122,18 +122,24 @@ class Controller:
         return self.observer.upset or (self.engaged and self.limits.last_ma != self._sent_ma)
 
     @property
-    def coming_mps2(self) -> float:
-        """The greatest acceleration that the currents on their way will cause by the model; no command can undo it."""
+    def coming_mps(self) -> tuple[float, ...]:
+        """By how much the currents on their way will change the speed in each of the next frames, by the model."""
         state, delay = self.state, self.model.delay
         if state is None:
-            return math.nan
+            return ()
         pole = self.observer.pole(self.pole, self._stroke_yielding(state.drives))
-        speed_mps, found = self.observer.speed_mps, 0.0
-        load_mps = self._load_mps(state) + self.observer.disturbance_mps
+        ahead_mps = self._load_mps(state) + self.observer.disturbance_mps - self.observer.speed_mps
+        changes, changed_mps = [], 0.0
         for drive_ma in np.correlate(state.drives[: delay + len(self._share)], self._share)[::-1].tolist():
-            step_mps = (1.0 - pole) * (self._gain * state.gain * drive_ma + load_mps - speed_mps)
-            speed_mps, found = speed_mps + step_mps, max(found, abs(step_mps))
-        return found / self.frame_s
+            step_mps = (1.0 - pole) * (self._gain * state.gain * drive_ma + ahead_mps - changed_mps)
+            changed_mps += step_mps
+            changes.append(step_mps)
+        return tuple(changes)
+
+    @property
+    def coming_mps2(self) -> float:
+        """The greatest acceleration that they will cause, which no command can undo."""
+        return max(map(abs, self.coming_mps), default=math.nan) / self.frame_s
 
     def adopt(self, model: Model) -> None:
         """Drive with other parameters of the same structure from now on, without a bump."""

@@ -30,6 +30,8 @@ RATE_S: Final = 0.1  # s over which a rate is taken
 JUMP_S: Final = 0.2  # s over which the model's errors are summed
 TEXTURE_S: Final = 0.5  # s, time constant of the roughness
 WIDEST: Final = 3.0  # times its default that a threshold may be
+STANDING_RPM: Final = 400.0  # 1/min, below which an engine stands, whatever was believed of it before
+IDLING_RPM: Final = 1000.0  # 1/min, up to which it may start at once
 LEAST_READINGS: Final = 8  # equal ones that make a sensor frozen: at 5 Hz it may repeat itself by chance
 
 
@@ -59,7 +61,7 @@ class PlausibilitySettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unk
     # m/s within 0.4 s more than in the 0.4 s before: a force of 0.45 m/s2 that comes at once; a hill of 8 degrees that
     # comes within 2.5 s makes 0.09, and noise 0.07
     force_mps: Positive = 0.18
-    force_share: Positive = 0.5  # of how much the drive itself does so: twice what of its pace is not known (observer)
+    force_share: Positive = 0.5  # of how much the drive itself does so; more in a fast gear, whose pace is not known
     behind_mps: Positive = 0.3  # m/s that the machine may be behind the reference
     crowd: Positive = 1.6  # of the frames of a message in the second before engaging: more is a second sender
     faulty_share: Positive = 0.5  # of the last frames of a protected message
@@ -86,6 +88,8 @@ class Seen:
     disturbance_mps: float  # in m/s of steady speed, what the model does not explain
     expected_mps: float  # of the change of the speed in this frame, what drive and loads make by the model
     unexpected_mps: float  # the rest, what no command explains
+    coming_mps: tuple[float, ...]  # by frame, what currents on their way will still change of it by the model
+    pace_std: float  # of the logarithm of how quickly the drive answers, which a gear leaves open
     alpha: float  # equation 12: 1 in the slow gears, less in those that a hill slows down more
     crowding: float  # the busiest message's frames in the last second over those before engaging
     faulty_share: float  # of the last frames of the worst protected message
@@ -149,6 +153,8 @@ class Memory:
     usual_ma: float = math.nan  # the same over USUAL_S, also from earlier drives
     smooth: list[float] = field(default_factory=lambda: [math.nan] * 3)  # speed, wheel, radar
     past: deque[tuple[float, float, float]] = field(default_factory=deque)  # time, speed, engine speed
+    believed_rpm: float = math.nan  # engine speed, until it jumps
+    heard_s: float = math.nan  # when it was heard last
     unexpected: deque[float] = field(default_factory=deque)  # m/s, by frame
     usual: UsualShares = field(init=False)
     lateness: Lateness = field(init=False)
@@ -165,13 +171,14 @@ class Memory:
         for i, value in enumerate((seen.speed_mps, seen.wheel_mps, seen.radar_mps)):
             known = math.isfinite(self.smooth[i]) and math.isfinite(value)
             self.smooth[i] = self.smooth[i] + share * (value - self.smooth[i]) if known else value
+        self._believe(seen.time_s, seen.engine_rpm)
         self.past.append((seen.time_s, seen.speed_mps, seen.engine_rpm))
         while seen.time_s - self.past[0][0] > RATE_S + 1e-6:
             self.past.popleft()
         self.unexpected.append(seen.unexpected_mps)
         while len(self.unexpected) * self.frame_s > JUMP_S + 1e-6:
             self.unexpected.popleft()
-        self.suddenness.take(seen.expected_mps, seen.unexpected_mps)
+        self.suddenness.take(seen.expected_mps, seen.unexpected_mps, seen.coming_mps)
         if math.isfinite(seen.commanded_ma):
             self.commands.append((seen.time_s, seen.commanded_ma))
         else:
@@ -185,6 +192,15 @@ class Memory:
         self.usual.take(
             speed, (math.nan if slips else wheel, radar), self.settings.speed_change_mps, self.settings.speed_share
         )
+
+    def _believe(self, time_s: float, engine_rpm: float) -> None:
+        """An engine speed that has jumped is not believed until it is back, or the engine stands, whoever drives."""
+        if math.isnan(engine_rpm):
+            return
+        passed_s, self.heard_s = time_s - self.heard_s, time_s
+        jumps = abs(engine_rpm - self.believed_rpm) > self.settings.engine_rpm_per_s * passed_s
+        if not jumps or engine_rpm < STANDING_RPM or self.believed_rpm < IDLING_RPM:
+            self.believed_rpm = engine_rpm
 
     def unexpected_mps(self, for_s: float) -> float:
         """What no command explains of the change of the speed in the last so many seconds."""
@@ -243,9 +259,15 @@ def _frozen(seen: Seen, memory: Memory, settings: PlausibilitySettings) -> float
 
 
 def _force(seen: Seen, memory: Memory, settings: PlausibilitySettings) -> float:
-    """A brake that nobody sees, or a sensor that jumps: a hill, however steep, comes in seconds."""
+    """A brake that nobody sees, or a sensor that jumps: a hill, however steep, comes in seconds.
+
+    A drive that answers more quickly than its model, as a fast gear may by two standard deviations, does more of what
+    it does, and sooner, but nothing in the other direction.
+    """
     sudden = memory.suddenness
-    return sudden.more_mps / (settings.force_mps + settings.force_share * sudden.own_mps)
+    quicker = math.expm1(2.0 * seen.pace_std)
+    own_mps = max(settings.force_share * sudden.own_mps, quicker * sudden.same_mps)
+    return sudden.more_mps / (settings.force_mps + own_mps)
 
 
 def _jump(seen: Seen, memory: Memory, settings: PlausibilitySettings) -> float:
@@ -291,6 +313,8 @@ CHECKS: Final = (
           _rate(memory, 1) / settings.accel_mps2, 0.1),
     Check("the engine speed changes faster than it can", lambda seen, memory, settings:
           _rate(memory, 2) / settings.engine_rpm_per_s, 0.05),
+    Check("the engine speed has jumped and not come back", lambda seen, memory, settings:
+          math.inf if abs(seen.engine_rpm - memory.believed_rpm) > 0.0 else 0.0, 0.05),
     Check("a sensor is too noisy", lambda seen, memory, settings: _rough(memory, settings), 0.2),
     Check("a sensor is frozen", _frozen, 0.0, True),
     Check("current and speed do not fit the model", _response, 0.3),

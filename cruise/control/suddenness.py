@@ -10,6 +10,7 @@ that. With a line through every reading noise moves S by less than the differenc
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -18,7 +19,10 @@ OVER_S: Final = 0.4  # T, s: a force comes within less, a hill within some secon
 
 
 class Suddenness:
-    """`more_mps` is |S| of what no command explains, `own_mps` the greatest |S| of the rest within the last 2 T."""
+    """`more_mps` is |S| of what no command explains, `own_mps` the greatest |S| of the rest within the last 2 T.
+
+    `same_mps` is the greatest of the rest in the same direction as the first. Both count what is still to come, too.
+    """
 
     def __init__(self, frame_s: float) -> None:
         n = max(round(OVER_S / frame_s), 1)
@@ -28,17 +32,19 @@ class Suddenness:
         self.unexpected: deque[float] = deque([0.0] * 2 * n, maxlen=2 * n)
         self.expected: deque[float] = deque([0.0] * 2 * n, maxlen=2 * n)
         self.own: deque[float] = deque([0.0] * 2 * n, maxlen=2 * n)
-        self.more_mps = 0.0
+        self.more_mps = self.own_mps = self.same_mps = 0.0
 
-    @property
-    def own_mps(self) -> float:
-        """What the drive itself does, by the model."""
-        return max(self.own)
+    def take(self, expected_mps: float, unexpected_mps: float, coming_mps: Sequence[float] = ()) -> None:
+        """One frame on, with the two parts of the change of the speed in it; what is not known was none.
 
-    def take(self, expected_mps: float, unexpected_mps: float) -> None:
-        """One frame on, with the two parts of the change of the speed in it; what is not known was none."""
+        `coming_mps` is what the first will be in the frames to come.
+        """
         known = math.isfinite(expected_mps) and math.isfinite(unexpected_mps)
         self.expected.append(expected_mps if known else 0.0)
         self.unexpected.append(unexpected_mps if known else 0.0)
-        self.more_mps, own_mps = (abs(float(self._weights @ one)) for one in (self.unexpected, self.expected))
-        self.own.append(own_mps)
+        more_mps = float(self._weights @ self.unexpected)
+        moved = np.correlate([*self.expected, *coming_mps], self._weights)
+        self.own.append(float(moved[0]))
+        own = (*self.own, *moved.tolist())
+        self.more_mps, self.own_mps = abs(more_mps), max(map(abs, own))
+        self.same_mps = max(0.0, max(own) if more_mps > 0.0 else -min(own))

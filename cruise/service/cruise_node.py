@@ -249,6 +249,8 @@ class CruiseNode:
             disturbance_mps=controller.observer.disturbance_mps if controller.state is not None else math.nan,
             expected_mps=controller.observer.expected_mps,
             unexpected_mps=controller.observer.unexpected_mps,
+            coming_mps=controller.coming_mps if controls else (),
+            pace_std=controller.observer.pace_std,
             alpha=self._alpha,
             crowding=self.hearing.crowding(frame.time_s),
             faulty_share=self.hearing.faulty_share,

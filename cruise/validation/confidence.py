@@ -36,7 +36,7 @@ SEEN: Final = 1.5  # RMS of the error over the noise, likewise: with less it is 
 MOST_LEFT: Final = 0.6  # of what could be explained: with less, it may be the wrong form of what was found,
 ABOVE: Final = 4.0  # loss over the noise, likewise
 CURVES: Final[Mapping[str, tuple[float, float]]] = {
-    "nothing": (5.0, 1.05),
+    "nothing": (15.0, 2.5),
     "measured": (8.0, 1.4),
     "inferred": (4.0, 1.2),
     "smooth": (13.0, 1.05),

@@ -224,6 +224,8 @@ def _said(
     direct = [one.judged for one in alone if one.credit > 0.0 and one.name not in {*no_forces, *through, *moved}]
     best = min([present, *direct], key=lambda one: one.loss)
     through_it, margin = behind(study, present, mediator.judged, best, chosen)
+    if through_it is Through.COMMANDED:  # what acts on the command moves the pressure, too
+        return SILENT
     return Said(mediator.name, through_it, margin, None, {}, no_forces)
 
 

@@ -22,6 +22,8 @@ TRUE = Seen(
     disturbance_mps=0.1,
     expected_mps=-0.01,
     unexpected_mps=0.01,
+    coming_mps=(-0.01,) * 8,
+    pace_std=0.0,
     alpha=1.0,
     crowding=1.0,
     faulty_share=0.0,
@@ -150,6 +152,7 @@ def test_a_force_is_found_though_the_drive_moves(more_mps2):
                 followed_mps=speed_mps,
                 expected_mps=0.25 * FRAME_S,
                 unexpected_mps=unexpected_mps2 * FRAME_S,
+                coming_mps=(0.25 * FRAME_S,) * 8,
             )
         )
     assert said == "a force came at once, as no hill does"
@@ -164,8 +167,71 @@ def test_a_noisy_sensor_is_found_and_a_frozen_one(name):
     assert after_s == pytest.approx(0.55, abs=0.06)
 
 
+JUMPED = "the engine speed has jumped and not come back"
+
+
+def jumps(rpm_by_s: Callable[[float], float], at_s: tuple[float, ...]) -> list[str]:
+    """What is said at these times, in s, of an engine speed that is this by time, while a person drives."""
+    plausibility, said = Plausibility(PlausibilitySettings(), FRAME_S), []
+    for k in range(1, round(max(at_s) / FRAME_S) + 1):
+        now_s = k * FRAME_S
+        seen = replace(TRUE, time_s=now_s, engine_rpm=rpm_by_s(now_s), commanded_ma=math.nan, followed_mps=math.nan)
+        plausibility.step(seen)
+        if any(abs(now_s - one_s) < 1e-6 for one_s in at_s):
+            said.append(plausibility.contradiction)
+    return said
+
+
+def test_an_engine_speed_that_jumped_is_not_believed_until_it_is_back_or_the_engine_stands():
+    lies = [JUMPED, JUMPED]
+    assert jumps(lambda s: 1450.0 + 2.0 * s if s > 2.0 else 2100.0, (1.0, 3.0, 30.0)) == ["", *lies]
+    assert jumps(lambda s: 1450.0 if 2.0 < s < 8.0 else 2050.0, (3.0, 7.0, 9.0)) == [*lies, ""]
+    assert jumps(lambda s: 1450.0 if 2.0 < s < 8.0 else 2050.0 - 1200.0 * max(s - 10.0, 0.0), (3.0, 7.0, 12.5)) == [
+        *lies,
+        "",
+    ]
+    assert jumps(lambda s: math.nan if 2.0 < s < 2.4 else 1450.0 if s > 2.0 else 2100.0, (2.2, 3.0)) == ["", JUMPED]
+    assert jumps(lambda s: 1450.0 if s > 2.0 and not 6.0 < s < 7.0 else 2100.0 * (s < 6.0), (3.0, 9.0)) == [JUMPED, ""]
+
+
+def test_an_engine_that_starts_and_a_throttle_that_is_turned_have_not_jumped():
+    assert jumps(lambda s: min(2500.0 * max(s - 1.0, 0.0), 900.0), (1.6, 5.0)) == ["", ""]
+    assert jumps(lambda s: 2100.0 - 700.0 * min(max(s - 1.0, 0.0), 1.0), (1.3, 1.6, 5.0)) == ["", "", ""]
+
+
 def test_every_check_is_tried_above():
-    assert {check.name for check in CHECKS} == {*LIES, "a sensor is too noisy", "a sensor is frozen"}
+    assert {check.name for check in CHECKS} == {*LIES, "a sensor is too noisy", "a sensor is frozen", JUMPED}
+
+
+def quick(times: float, pace_std: float, more_mps2: float = 0.0) -> str:
+    """What is said of a drive that answers a command so many times as quickly as its model, and of another force.
+
+    The command takes 1 m/s from the speed, by the model with a lag of 1.2 s.
+    """
+    plausibility, speed_mps, said = Plausibility(PlausibilitySettings(), FRAME_S), 3.0, []
+
+    def lagging_mps(time_s: float, lag_s: float) -> float:
+        return 3.0 - (1.0 - math.exp(-max(time_s - 3.0, 0.0) / lag_s))
+
+    for k in range(1, 120):
+        now_s = k * FRAME_S
+        steps = [lagging_mps(now_s + i * FRAME_S, 1.2) - lagging_mps(now_s + (i - 1) * FRAME_S, 1.2) for i in range(11)]
+        true_mps = lagging_mps(now_s, 1.2 / times) - lagging_mps(now_s - FRAME_S, 1.2 / times)
+        true_mps += more_mps2 * FRAME_S if now_s > 3.0 else 0.0
+        speed_mps += true_mps
+        same = dict.fromkeys(("speed_mps", "radar_mps", "followed_mps"), speed_mps)
+        seen = replace(TRUE, time_s=now_s, wheel_mps=speed_mps + 0.05, **same, pace_std=pace_std)
+        moved = {"expected_mps": steps[0], "unexpected_mps": true_mps - steps[0], "coming_mps": tuple(steps[1:])}
+        said.append(plausibility.step(replace(seen, **moved)))
+    return next(filter(None, said), "")
+
+
+def test_a_fast_gear_may_answer_three_times_as_quickly_as_its_model_but_not_the_other_way():
+    force = "a force came at once, as no hill does"
+    assert quick(3.0, 0.0) == force
+    assert quick(3.0, 0.5) == ""
+    assert quick(0.8, 0.5) == ""
+    assert quick(1.0, 0.5, more_mps2=1.2) == force
 
 
 def swing_mps(time_s: float) -> float:

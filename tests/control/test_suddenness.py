@@ -71,3 +71,12 @@ def test_what_is_not_known_was_no_change(hole):
         assert math.isfinite(suddenness.more_mps)
         assert math.isfinite(suddenness.own_mps)
     assert (suddenness.more_mps, suddenness.own_mps) == (0.0, 0.0)
+
+
+def test_what_is_still_to_come_counts_as_the_drives_own_in_its_direction():
+    coming = tuple(-0.6 * FRAME_S * (k > 2) for k in range(14))
+    suddenness = Suddenness(FRAME_S)
+    suddenness.take(0.0, -1e-3, coming)
+    assert suddenness.same_mps == suddenness.own_mps == pytest.approx(0.6 * OVER_S)
+    suddenness.take(0.0, 1.0, coming)
+    assert (suddenness.same_mps, suddenness.own_mps) == (pytest.approx(0.0, abs=1e-9), pytest.approx(0.6 * OVER_S))

@@ -146,16 +146,6 @@ def test_the_pressures_force_is_that_of_one_recorded_signal_though_no_smooth_cur
     assert (one.verdict, one.signals) == (Verdict.UNLISTED, ("header_height_mm",))
 
 
-def test_a_little_leakage_is_one_cause_though_noise_is_half_of_what_it_leaves():
-    """Three forces move the pressure, of which none takes half of what it takes; two are in no table."""
-    tyre_bar = 2.0 + wander(SAMPLES, DT_S, 16, 0.3, 4.0)
-    moved_bar = 11.0 * PITCH + 0.7 * (HEADER - 300.0) + 130.0 * (tyre_bar - 2.0)
-    load_mps = -LITTLE_MPS * moved_bar / moved_bar.std()
-    one = pressed(120.0 + moved_bar, load_mps, others={"tyre_pressure_bar": tyre_bar})
-    assert one.final.loss > 0.4 * one.base.loss
-    assert (one.verdict, one.effects) == (Verdict.MISSING, ("leakage",))
-
-
 def test_a_little_soil_that_shows_in_the_pressure_is_nothing():
     soil_mps = wander(SAMPLES, DT_S, 13, 1.0, 4.0)
     pressure_bar = 120.0 - 25.0 * soil_mps / soil_mps.std()

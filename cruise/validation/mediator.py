@@ -277,7 +277,7 @@ def needed(present: Judged, mediator: Judged, alone: Tried, beside: Tried) -> bo
 def refuted(mediator: Judged, alone: Sequence[Tried]) -> tuple[str, ...]:
     """What is no force, while the mediator leaves hardly more: nothing that is no force is needed beside it.
 
-    A curve of a signal that only such effects read is none, either.
+    A curve of a signal that only such effects read is none, either; a slope is a force, whoever reads it.
     """
     none = (one for one in alone if _no_force(one.name) or _curve_of_no_force(one.name))
     return tuple(one.name for one in none if mediator.loss < LOOSE * one.judged.loss)
@@ -303,4 +303,4 @@ def _no_force(name: str) -> bool:
 def _curve_of_no_force(name: str) -> bool:
     signal = name.removeprefix(UNNAMED)
     stages = {effect.stage for effect in EFFECTS.values() if signal in effect.needs}
-    return name.startswith(UNNAMED) and bool(stages) and Stage.LOAD not in stages
+    return name.startswith(UNNAMED) and signal != PITCH and bool(stages) and Stage.LOAD not in stages

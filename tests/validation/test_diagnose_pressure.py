@@ -9,10 +9,13 @@ import pytest
 from cruise.effects import EFFECTS, Stage
 from cruise.effects.leakage import Leakage
 from cruise.report.diagnosis import sentence
+from cruise.signals import INPUT
+from cruise.validation import mediator
 from cruise.validation.diagnose import Diagnosis, Verdict, diagnose
 from cruise.validation.study import study
 from tests.validation.diagnosing import DT_S, HEADER, PERIOD_S, PITCH, SAMPLES, SECONDS, STRUCTURE, found
 from tests.validation.driving import GRAVITY_MPS2, drive, wander
+from tools.trial.run import table_without
 
 MASS_KG = 15000.0 + wander(SAMPLES, DT_S, 14, 2500.0, 6.0)
 LITTLE_MPS = 0.011  # standard deviation of a cause that leaves as much as noise of 0.02 m/s at 20 Hz does in 0.2 s
@@ -95,6 +98,26 @@ def test_a_force_that_nobody_recorded_shows_in_the_pressure_and_is_no_leakage():
     assert one.explained
     assert one.final.loss < 0.1 * one.base.loss
     assert "a force that nobody recorded. It shows in `line_pressure_bar`" in sentence(one)
+
+
+def test_a_slope_is_a_force_though_no_effect_of_one_is_known():
+    pull_mps = -0.35 * GRAVITY_MPS2 * np.sin(np.radians(PITCH))
+    pressure_bar = 120.0 - 300.0 * pull_mps
+    with table_without(["grade"]):
+        one = pressed(pressure_bar, pull_mps)
+    assert (one.verdict, one.signals) == (Verdict.UNLISTED, ("pitch_deg",))
+
+
+@pytest.mark.parametrize(("by_current", "leaks"), [(0.5, True), (0.6, False)])
+def test_what_the_current_alone_foretells_is_the_drives_answer_and_no_leakage(monkeypatch, by_current, leaks):
+    """0.6 is what all signals foretell together."""
+    monkeypatch.setattr(mediator, "share_told", lambda *given: by_current if given[-1] == INPUT else 0.6)
+    pressure_bar = 120.0 + 15.0 * PITCH + 0.6 * (HEADER - 300.0)
+    one = pressed(pressure_bar, -0.002 * (pressure_bar - 120.0))
+    first = one.steps[0]
+    leakage = next(tried for tried in first.tried if tried.name == "leakage")
+    assert (leakage.credit == 1.0) == ("leakage" in one.effects) == leaks
+    assert bool(first.refuted) == leaks
 
 
 def test_where_no_slope_is_recorded_what_the_pressure_costs_is_leakage():

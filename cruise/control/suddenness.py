@@ -4,8 +4,9 @@
 
 x change of the speed within a frame, in m/s. S is the slope of the least-squares line through the speed of the last T
 less that of the T before, times T: in m/s, what a new force of S / T in m/s2 adds within T. Of x only what no command
-explains counts, beside what the drive itself does meanwhile: a model that errs in how much or when errs by a share of
-that. With a line through every reading noise moves S by less than the difference of three readings would.
+explains counts, beside what the drive itself does meanwhile and, by the currents on their way, is about to do: a model
+that errs in how much or when errs by a share of that. With a line through every reading noise moves S by less than the
+difference of three readings would.
 """
 
 import math

@@ -22,9 +22,8 @@ def drive(
     seconds: float,
     period_s: float = PERIOD_S,
     changes: Sequence[tuple[float, PlantSettings]] = (),
-    gear: int = 2,
 ) -> Recording:
-    """A commissioning drive on level concrete: random steps of the current, held 0.6 to 4 s.
+    """A commissioning drive on level concrete in second gear: random steps of the current, held 0.6 to 4 s.
 
     `changes`: from these times in s on it is another machine, its state stays.
     """
@@ -39,7 +38,7 @@ def drive(
         if waiting and now_s > waiting[0][0]:
             combine.change(waiting.pop(0)[1])
         rpm = 1850.0 + 250.0 * np.sin(now_s / 37.0)
-        for reading in combine.advance(Inputs(current_ma, engine_speed_setpoint_rpm=rpm, gear=gear), now_s):
+        for reading in combine.advance(Inputs(current_ma, engine_speed_setpoint_rpm=rpm), now_s):
             assert isinstance(reading, SensorReading)
             if reading.name != OUTPUT or reading.sensor == "drive_feedback":
                 sampler.push(reading.name, reading.time_s, reading.value)

@@ -7,7 +7,8 @@ import numpy as np
 
 from cruise.effects import EFFECTS, Parameter
 from cruise.effects.effect import EMPTY_KG, GRAVITY_MPS2
-from cruise.effects.power_limit import demand_kw
+from cruise.effects.power_limit import PowerLimit, demand_kw
+from cruise.effects.rate_limit import RateLimit
 from cruise.recording import Recording
 from cruise.validation.line_pressure import force_of_a_bar
 from cruise.validation.slope import PITCH
@@ -33,7 +34,7 @@ Starts = tuple[Shapes, ...]
 
 def _rates(recordings: Sequence[Recording]) -> tuple[Starts]:
     """Rates of the current that limit less and less of its changes: a limit above all of them leaves no trace."""
-    bound = EFFECTS["rate_limit"].parameters["rate_ma_per_s"]
+    bound = RateLimit.parameters["rate_ma_per_s"]
     moves = np.concatenate([np.abs(np.diff(one.input)) / one.dt_s for one in recordings])
     fastest = float(np.nanmax(moves, initial=0.0))
     return (tuple((("rate_ma_per_s", min(max(share * fastest, bound.low), bound.high)),) for share in RATES),)
@@ -79,7 +80,7 @@ def _powers(recordings: Sequence[Recording]) -> tuple[Starts, ...]:
     if all("engine_load_pct" in one.columns for one in recordings):
         ways.append(tuple((("onset_pct", onset), ("cut_per_pct_s", cut)) for onset in ONSETS_PCT for cut in CUTS))
     if all("line_pressure_bar" in one.columns for one in recordings):
-        bound = EFFECTS["power_limit"].parameters["cutoff_bar"]
+        bound = PowerLimit.parameters["cutoff_bar"]
         pressures = np.concatenate([one.columns["line_pressure_bar"] for one in recordings])
         onsets = np.clip(np.nanquantile(pressures, CUT_OFFS), bound.low, bound.high).tolist()
         ways.append(tuple((("cutoff_bar", onset), ("cut_per_bar", cut)) for onset in onsets for cut in BAR_CUTS))
@@ -88,7 +89,7 @@ def _powers(recordings: Sequence[Recording]) -> tuple[Starts, ...]:
 
 def _demands_kw(recordings: Sequence[Recording]) -> list[float]:
     """Powers that slope and ground ask for seldom, and more seldom, and that the pressure shows."""
-    bound, rolling = EFFECTS["power_limit"].parameters["power_kw"], ROLLING
+    bound, rolling = PowerLimit.parameters["power_kw"], ROLLING
     asked = []
     for one in recordings:
         mass_kg = one.columns.get("machine_mass_kg", np.full(len(one), EMPTY_KG))

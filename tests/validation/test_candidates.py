@@ -38,6 +38,7 @@ from cruise.validation.explanation import CORE, RESONANCE
 from cruise.validation.unnamed import POWERS, PUSHES, SPEED, UnnamedGain
 from tests.validation.driving import wander
 from tests.validation.recorded import BARE, SAMPLES, everything, recorded
+from tools.trial.run import table_without
 
 # -- refusals
 
@@ -239,6 +240,13 @@ def test_a_rate_limit_starts_where_it_limits_something():
     assert len(rates) == len(limits) == len(RATES)
     assert all(20.0 < rate < changes.max() for rate in rates)
     assert rates == sorted(rates, reverse=True)
+
+
+@pytest.mark.parametrize("name", [name for name, kind in EFFECTS.items() if not kind.needs])
+def test_an_effect_begins_alike_though_the_table_knows_no_other(name):
+    begun = list(candidate_of(name, [recorded()]).grown(BARE))
+    with table_without([other for other in EFFECTS if other != name]):
+        assert list(candidate_of(name, [recorded()]).grown(BARE)) == begun
 
 
 def test_an_effect_that_was_fitted_starts_where_it_was():

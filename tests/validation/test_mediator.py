@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from cruise.identification.structures import parse
-from cruise.signals import OUTPUT
+from cruise.signals import INPUT, OUTPUT
 from cruise.validation import mediator
 from cruise.validation.candidates import UNNAMED, candidate_of
 from cruise.validation.mediator import (
     ALONE,
+    BY_COMMAND,
     BY_MANY,
     DIRECT,
     LONELIER,
@@ -40,7 +41,12 @@ def begun() -> Study:
 
 def said(begun: Study, left: float, instead: float, told: float, monkeypatch, **how) -> tuple[Through, float]:
     """The mediator leaves a share of the loss, the best direct cause takes a share of what it takes instead."""
-    monkeypatch.setattr(mediator, "share_told", lambda *given: how.get("alone", told) if given[-1] else told)
+
+    def share_told(*given) -> float:
+        by = given[-1]
+        return how.get("by_command", 0.0) if by == INPUT else how.get("alone", told) if by else told
+
+    monkeypatch.setattr(mediator, "share_told", share_told)
 
     def leaves(share: float, name: str) -> Judged:
         return replace(begun.base, candidate=name, raw=share * np.ones_like(begun.base.raw))
@@ -93,12 +99,15 @@ def said(begun: Study, left: float, instead: float, told: float, monkeypatch, **
         (0.1, DIRECT + 0.2, 0.9, {"exponent": (0.6, 0.02), "name": "dead_zone"}, Through.RECORDED),
         (0.1, DIRECT + 0.2, 0.9, {"exponent": (0.6, 0.02), "chosen": ("grade",)}, Through.RECORDED),
         (0.26, 0.9, 0.9, {"exponent": (0.6, 0.02)}, Through.RECORDED),
+        (0.1, 0.1, 0.9, {"by_command": (BY_COMMAND + 0.05) * 0.9}, Through.COMMANDED),
+        (0.1, 0.1, 0.9, {"by_command": (BY_COMMAND - 0.05) * 0.9}, Through.ITSELF),
+        (0.1, DIRECT + 0.05, 0.9, {"by_command": 0.9}, Through.RECORDED),
     ],
 )
 def test_what_it_takes_away_tells_what_stands_behind_it(begun, left, instead, told, how, through, monkeypatch):
     found, margin = said(begun, left, instead, told, monkeypatch, **how)
     assert found is through
-    assert (margin > 0.0) is (through is not Through.RECORDED)
+    assert (margin > 0.0) is (through not in (Through.RECORDED, Through.COMMANDED))
 
 
 def test_the_power_of_the_pressure_is_known_as_well_as_the_data_say():

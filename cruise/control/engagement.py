@@ -213,11 +213,9 @@ class Engagement:
 
     def _allow(self, now: Situation, last: Situation | None) -> None:
         """A wish for less is no overspeed before the machine can have followed."""
-        wished_mps = max(self.setpoint_mps, now.reference_mps)
-        slower_mps = -math.inf
         if self.state.controls and last is not None:
             slower_mps = self._allowed_mps - self.settings.slowing_mps2 * (now.time_s - last.time_s)
-        self._allowed_mps = max(wished_mps, slower_mps)
+            self._allowed_mps = max(self.setpoint_mps, now.reference_mps, slower_mps)
 
     def _lever_moved(self, now: Situation) -> bool:
         return abs(now.lever_pct - self._lever_pct) > self.settings.lever_moved_pct
@@ -238,6 +236,7 @@ class Engagement:
             self._lever_pct, self._gear = now.lever_pct, now.gear
         if row.target is State.ENGAGING:
             self.setpoint_mps = now.speed_mps if now.set else now.requested_mps
+            self._allowed_mps = max(self.setpoint_mps, now.speed_mps)  # of this drive: nothing is left of the last
             self._commanded = False
         if row.target is State.COMMISSIONING:
             self.experiment = self.experiments[now.requested_experiment]

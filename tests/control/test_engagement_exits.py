@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from cruise.control.engagement import TRANSITIONS, ExitReason, State
+from cruise.control.engagement import TRANSITIONS, Engagement, ExitReason, State
 from cruise.control.situation import EngagementSettings
 from tests.control.situations import DRIVEN_AT_SETPOINT, READY, engaged, engaging
 
@@ -126,3 +126,16 @@ def test_a_wish_for_less_is_no_overspeed_before_the_machine_can_have_followed():
     assert engagement.step(replace(less, time_s=2.45)).controls
     states = [engagement.step(replace(less, time_s=0.05 * k)) for k in range(50, 101)]
     assert states[-1] is State.FAULT, "a machine that never follows is driven by something else"
+
+
+def test_a_fast_drive_leaves_nothing_allowed_for_a_slow_one_after_it():
+    engagement = Engagement(EngagementSettings())
+    fast = replace(READY, speed_mps=3.0, reference_mps=3.0, requested_mps=3.0)
+    slow = replace(READY, speed_mps=1.0, reference_mps=3.0, requested_mps=math.nan)  # the reference of the last drive
+    steps = (fast, replace(fast, set=True), fast, replace(fast, brake=True), *[slow] * 60, replace(slow, set=True))
+    for k, now in enumerate(steps):
+        engagement.step(replace(now, time_s=0.05 * k))
+    assert engagement.state is State.ENGAGING
+    driven = replace(slow, time_s=0.05 * len(steps), reference_mps=1.0, speed_mps=1.8)
+    assert engagement.step(driven) is State.FAULT
+    assert engagement.exit_condition == "overspeed"

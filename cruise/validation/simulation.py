@@ -218,7 +218,7 @@ class Scene:
             yielding: Any = 1.0
             if one.core.stroke_share:
                 yielding = factor(one.core.stroke_share, gain)
-                for effect in filter(yields, effects):
+                for effect in filter(yields, one.effects):
                     yielding = yielding * effect.yielding(self.signals)
                 slowed = stroke_pace(one.core.pole(self.period_s), yielding)
                 pace = slowed if pace is None else pace * slowed

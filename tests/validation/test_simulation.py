@@ -199,7 +199,8 @@ def test_the_mean_of_a_reshaped_current_is_taken_where_the_current_was_measured(
     assert np.max(np.abs(alone)) < 15.0
 
 
-def test_side_by_side_is_the_same_as_one_after_the_other():
+@pytest.mark.parametrize("stroke_share", [0.0, 0.6])
+def test_side_by_side_is_the_same_as_one_after_the_other(stroke_share):
     scene = scene_of(recording(), recording(30.0, seed=1))
     effects, loads = CASES["all at once"]
     batch = []
@@ -214,7 +215,7 @@ def test_side_by_side_is_the_same_as_one_after_the_other():
             )
             for effect in effects
         )
-        core = replace(CORE, delay_s=0.3 + 0.07 * i, time_constant_s=0.5 + 0.1 * i)
+        core = replace(CORE, delay_s=0.3 + 0.07 * i, time_constant_s=0.5 + 0.1 * i, stroke_share=stroke_share)
         batch.append(Explanation(core, mine, tuple(load * (1.0 + 0.2 * i) for load in loads), 0.1 * i))
     together = scene.simulate(batch)
     alone = np.array([scene_of(*scene.recordings).simulate([one])[0] for one in batch])

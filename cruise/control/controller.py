@@ -21,7 +21,7 @@ import numpy as np
 from cruise.control.frame_model import at_period
 from cruise.control.inversion import Inversion, InversionSettings
 from cruise.control.limits import Limits, LimitSettings
-from cruise.control.observer import DisturbanceObserver, ObserverSettings
+from cruise.control.observer import DisturbanceObserver, ObserverSettings, nearest
 from cruise.control.power import PowerGuard, PowerSettings
 from cruise.control.predictive import Bounds, Now, Plan, PredictiveSettings, Programme
 from cruise.control.reference import Reference, ReferenceSettings
@@ -36,7 +36,6 @@ from cruise.settings import Positive, SettingsError
 from cruise.signals import OUTPUT, Sample
 
 POWER = ("engine_load_pct", "engine_speed_rpm", "line_pressure_bar")
-PACE_STEPS = 20.0  # per factor e: poles that differ by less share one programme
 
 
 class ControlSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -185,7 +184,7 @@ class Controller:
         (self._pole,), b, *_ = fast.split(fast.theta)
         self._gain = fast.dc_gain_mps_per_ma
         self._share = np.array(b) / sum(b)
-        self._programmes: dict[int, Programme] = {}
+        self._programmes: dict[tuple[float, float], Programme] = {}
         share = next((effect.acceleration_share for effect in model.effects if isinstance(effect, Grade)), None)
         if share != (self.slope and self.slope.acceleration_share):
             self.slope = None if share is None else SlopeObserver(share, self.frame_s)
@@ -269,13 +268,13 @@ class Controller:
         self.limited = ""
 
     def _programme(self, state: ModelState) -> Programme:
-        """The law for the pole that the drive is about to have, made when it is met first."""
+        """The law for the pole that the drive is about to have, in its gear, made when it is met first."""
         pole = self.observer.pole(self.pole, self._stroke_yielding(state.drives[:1] * len(state.drives)))
-        key = round(PACE_STEPS * math.log(max(1.0 - pole, 1e-6)))
+        key = pole, pace = nearest(pole, self.pace)
         found = self._programmes.get(key)
         if found is None:
             settings = self.settings.predictive
-            found = Programme(pole, self._share, self.model.delay, self.shaper, self.frame_s, settings, self.pace)
+            found = Programme(pole, self._share, self.model.delay, self.shaper, self.frame_s, settings, pace)
             self._programmes[key] = found
         return found
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cruise.control.observer import nearest
 from cruise.effects.grade import Grade
 from cruise.model.model import Model
 from cruise.signals import Sample
@@ -71,7 +72,7 @@ def test_the_observer_knows_the_pace_of_a_gear():
     controller, pace = loop.controller, (2.5 / 7.5) ** 2
     before_mps = controller.observer.disturbance_mps
     controller.step(replace(loop.sample, speed_mps=loop.sample.speed_mps + 0.05), None)
-    gain = controller.observer.filter(controller.pole, pace).gain[1]
+    gain = controller.observer.filter(*nearest(controller.pole, pace)).gain[1]
     learned_mps = controller.observer.disturbance_mps - before_mps
     assert learned_mps == pytest.approx(gain * controller.observer.calm * controller.observer.innovation_mps, rel=1e-3)
 
@@ -85,3 +86,17 @@ def test_the_law_knows_the_pace_of_a_gear():
     machine.load_mps -= 0.5
     loop.engaged(start_mps, 15.0)
     assert start_mps - min(loop.speeds) < 0.245
+
+
+def test_each_gear_has_its_law_whichever_was_driven_first():
+    """Fourth gear quicker than its model may have the pole of a slow third: a move weighs another amount there."""
+    loop = Loop(Machine(gear=3)).by_hand(600.0, 5.0)
+    controller = loop.controller
+    third = controller._programme(controller.state)
+    pole, pace = controller.pole, controller.pace
+    controller.pace = 0.4 * pace
+    fourth = controller._programme(controller.state)
+    assert fourth is not third
+    assert fourth._weight == pytest.approx(math.sqrt(0.4) * third._weight, rel=0.05)
+    controller.pole, controller.pace = pole, pace
+    assert controller._programme(controller.state) is third

@@ -29,6 +29,7 @@ LEAST_MEASURED: Final = 0.5  # part of the period; the mean over less of it is n
 MAX_READINGS: Final = 2000  # of one signal; after it half of them go: 10 s at 100 Hz, the highest rate, are left
 FRESH_S: Final = 0.3  # three messages in a row lost at 10 Hz, the rate of the ISO 11783-7 speeds
 FRESH_MESSAGES: Final = 3.0
+LONGEST_S: Final = 1.0  # three messages at 3 Hz; for what may come once a second, up to a minute
 MESSAGE_PERIOD_S: Final = {"oil_temperature_c": 1.0, "machine_mass_kg": 1.0}  # the design's table; the others: <= 0.1 s
 
 
@@ -55,6 +56,16 @@ class SamplingSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
 
     stale_after_s: dict[str, Annotated[float, msgspec.Meta(gt=0, le=60)]] = {}
     """By signal; default three periods of its message, at least 0.3 s. A message at 5 Hz needs 0.6 s."""
+
+    def __post_init__(self) -> None:
+        for name, longest_s in self.stale_after_s.items():
+            if name not in SIGNALS:
+                raise ValueError(f"stale_after_s: there is no signal {name}; there are {', '.join(SIGNALS)}")
+            if name not in MESSAGE_PERIOD_S and longest_s > LONGEST_S:
+                raise ValueError(
+                    f"stale_after_s.{name} is {longest_s:g} s, more than {LONGEST_S:g} s: so long nobody would notice "
+                    "that it is lost"
+                )
 
     def stale_after(self, name: str) -> float:
         """Return the time in s after which a reading of `name` is worth nothing."""

@@ -41,7 +41,8 @@ POWER = ("engine_load_pct", "engine_speed_rpm", "line_pressure_bar")
 class ControlSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Everything that decides how the machine is driven."""
 
-    frame_s: Positive = 0.05  # s, period of the command frames and of the plans
+    # s, period of the command frames and of the plans: checks look at 0.1 s, the drive waits 0.2 s for a command
+    frame_s: Annotated[float, msgspec.Meta(gt=0, le=0.1)] = 0.05
     shaping_hz: Positive = 2.0  # Hz, corner of each lag of the shaper
     shaping_order: Annotated[int, msgspec.Meta(ge=1, le=6)] = 2
     reference: ReferenceSettings = ReferenceSettings()

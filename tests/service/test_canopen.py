@@ -249,8 +249,11 @@ def test_a_setting_that_is_written_counts_in_the_next_run_and_engages_nothing(se
         (b"control: {frame_s: 0.07}", OUT_OF_RANGE),  # right by itself, but does not fit the model
         (b"estimator: {gain_range: 1.0, pole_max: 0.01}", OUT_OF_RANGE),  # what was learned does not fit it
         (b"engagement: {speed_max_mps: 30.0}", OUT_OF_RANGE),
-        (b"engagement: {overspeed_mps: 5.0}", OUT_OF_RANGE),  # these three would switch off what guards the drive
+        (b"engagement: {overspeed_mps: 5.0}", OUT_OF_RANGE),  # these six would switch off what guards the drive
         (b"plausibility: {jump_mps: 5.0}", OUT_OF_RANGE),
+        (b"control: {frame_s: 0.2}", OUT_OF_RANGE),
+        (b"sampling: {stale_after_s: {brake_pedal: 5.0}}", OUT_OF_RANGE),
+        (b"sampling: {stale_after_s: {brake_pedl: 0.5}}", OUT_OF_RANGE),
         (b"control: {limits: {current_max_ma: 5000.0}}", OUT_OF_RANGE),
         (b"engagement: {speed_mx_mps: 6.0}", OUT_OF_RANGE),
         (b"speed_max_mps: 6.0", OUT_OF_RANGE),

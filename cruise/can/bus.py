@@ -164,14 +164,16 @@ class KernelBus(Bus):
 class PatientBus(Bus):
     """A bus that is opened again after it went away, after ever longer pauses. Once made it never raises.
 
-    `health` is LOST until a frame has come again: a socket opens on an interface that is down, too.
+    `health` is LOST until a frame has come again: a socket opens on an interface that is down, too. `at_once`: it has
+    to be there in the beginning, or SettingsError is raised.
     """
 
-    def __init__(self, name: str, open_again: Callable[[], Bus]) -> None:
+    def __init__(self, name: str, open_again: Callable[[], Bus], at_once: bool = True) -> None:
         super().__init__(name)
         self.losses = 0
         self._open = open_again
-        self._bus: Bus | None = open_again()
+        self._bus: Bus | None = open_again() if at_once else None
+        self.health = BusHealth.ACTIVE if at_once else BusHealth.LOST
         self._pause_s = FIRST_PAUSE_S
         self._next_s = 0.0
 

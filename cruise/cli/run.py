@@ -45,10 +45,9 @@ def run(
 ) -> None:
     """Run the cruise control on the bus until it is stopped; the last command is neutral. SIGHUP reads the settings."""
     settings, running, notifier = service_settings.load(config), Running(), Notifier.of()
-    changes = None  # by SDO; at first those that are stored
+    daemon = Daemon(settings, notifier, say, reload=running.again)
     while True:
-        daemon = Daemon(settings, notifier, say, changes, running.again)
-        can = settings.can
+        can = daemon.settings.can
         print(f"cruise: on {can.bus} {can.channel}, command every {daemon.node.period_s} s", flush=True)
         daemon.run(running, (lambda now_s: None) if quiet else Lines(daemon.node))
         lateness = daemon.lateness
@@ -59,12 +58,13 @@ def run(
         )
         if running.stopped or not running.reload:
             break
-        running.reload, changes = False, daemon.changes
+        running.reload = False
         notifier.reloading()
         try:
-            settings = service_settings.load(config)
+            daemon = Daemon(service_settings.load(config), notifier, say, daemon.changes, running.again)
         except SettingsError as error:
-            print(f"cruise: the settings stay as they were: {error}", file=sys.stderr)
+            say(f"the settings stay as they were: {error}")
+            daemon = Daemon(daemon.of_file, notifier, say, daemon.changes, running.again, again=daemon)
     notifier.tell("STOPPING=1")
 
 
@@ -74,17 +74,18 @@ def say(line: str) -> None:
 
 
 class Lines:
-    """A line of status every 10 s, and at once where the operator has done something."""
+    """A line of status every 10 s, and at once where who drives has changed or a button was refused."""
 
     def __init__(self, node: CruiseNode) -> None:
         self._node = node
         self._next_s = 0.0
-        self._told = "", ""
+        self._told: tuple[str, str, str] = "", "", ""
 
     def __call__(self, now_s: float) -> None:
         """Print, if it is time to."""
         engagement = self._node.engagement
-        doing = engagement.refused, engagement.experiment.name if engagement.experiment else ""
+        experiment = engagement.experiment
+        doing = engagement.state, engagement.refused, experiment.name if experiment else ""
         if doing == self._told and now_s < self._next_s:
             return
         self._told, self._next_s = doing, now_s + 10.0

@@ -52,7 +52,8 @@ class Daemon:
     """One run with one set of settings; `say` takes lines for the log. Raises SettingsError.
 
     `changes` are those of the run before, None at the first: then what is stored counts. `reload` asks for the next
-    run; without it settings can't be written.
+    run; without it settings can't be written. `again` is a run that has ended, whose files were good: what it read of
+    them is not read anew, and its bus is waited for.
     """
 
     def __init__(
@@ -62,13 +63,16 @@ class Daemon:
         say: Callable[[str], None],
         changes: Mapping[str, Any] | None = None,
         reload: Callable[[], None] | None = None,
+        again: "Daemon | None" = None,
     ) -> None:
-        self.settings = self._of_file = settings
+        self.settings = self.of_file = settings
         self.notifier = notifier
         self.say = say
         # What a client of the bus does wrong is answered there; at a thousand frames a second a log would cost time.
         logging.getLogger("canopen").setLevel(logging.CRITICAL)
-        self.node = CruiseNode.load(settings)
+        self.node = CruiseNode.load(settings) if again is None else again.node
+        if again is not None:
+            _, self.node = self._with({})
         self.changes: Mapping[str, Any] = {}
         self._reload = reload
         state, keeper = self._kept()
@@ -78,7 +82,9 @@ class Daemon:
         self._keeper, self.chronicle = keeper, None
         if keeper is not None and settings.persistence is not None:
             self.chronicle = Chronicle(self.node, settings.persistence, state, keeper)
-        self.bus = PatientBus(settings.can.channel, lambda: open_bus(settings.can, filters=self._filters()))
+        self.bus = PatientBus(
+            settings.can.channel, lambda: open_bus(settings.can, filters=self._filters()), at_once=again is None
+        )
         self._health = self.bus.health
         self._state = self._problem = ""
         self._decision: Decision | None = None
@@ -191,7 +197,7 @@ class Daemon:
         node = self.node
         experiments = tuple(node.engagement.experiments.values())
         try:
-            settings = msgspec.convert(_merged(msgspec.to_builtins(self._of_file), changes), CruiseSettings)
+            settings = msgspec.convert(_merged(msgspec.to_builtins(self.of_file), changes), CruiseSettings)
             fresh = CruiseNode(settings, node.estimator.factory, node.codec, node.canopen, experiments)
             fresh.estimator.restore(node.estimator.save())
         except (msgspec.ValidationError, ValueError, ArithmeticError) as error:

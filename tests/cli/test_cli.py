@@ -9,6 +9,7 @@ import pytest
 from cruise import cli
 from cruise.can.log import read_log
 from cruise.cli.places import CONFIG
+from cruise.settings import SettingsError
 
 
 @pytest.fixture(scope="module")
@@ -214,6 +215,38 @@ def test_run_reads_its_settings_again_and_keeps_the_old_ones_where_they_are_wron
     assert err.count("neutral sent") == 3
     assert "the settings stay as they were" in err
     assert "misspelt" in err
+
+
+def test_run_goes_on_as_before_where_files_or_bus_are_gone_when_it_reads_again(verb, tmp_path, monkeypatch):
+    from cruise.service import daemon
+
+    config, model = tmp_path / "cruise.yaml", tmp_path / "model.yaml"
+    model.write_bytes((CONFIG / "factory_model.yaml").read_bytes())
+    config.write_text(f"model: {model}\ndatabase: {CONFIG / 'cruise.dbc'}\ncan: {{bus: virtual}}\n")
+    open_bus = daemon.open_bus
+
+    def no_bus(*given, **named):
+        raise SettingsError("no such interface")
+
+    def happens(running, calls: int) -> None:
+        if calls == 3:
+            model.write_text("half of a model file")
+        if calls == 5:
+            model.write_bytes((CONFIG / "factory_model.yaml").read_bytes())
+            monkeypatch.setattr(daemon, "open_bus", no_bus)
+        if calls == 8:
+            monkeypatch.setattr(daemon, "open_bus", open_bus)
+        if calls in (3, 6):
+            running._reload(1, None)
+
+    _while_it_runs(monkeypatch, happens)
+    code, out, err = verb("run", config)
+    assert code == 0
+    assert out.count("command every 0.05 s") == 3
+    assert err.count("the settings stay as they were") == 2
+    assert "model.yaml" in err
+    assert "no such interface" in err
+    assert err.count("neutral sent") == 3
 
 
 def test_run_goes_on_with_what_a_master_writes(verb, tmp_path, monkeypatch):

@@ -17,6 +17,7 @@ from cruise.can.frame import Frame
 from cruise.can.log import LogWriter
 
 FLUSH_S = 1.0  # s; what a power cut costs at most
+AGAIN_S = 1.0  # s after which a segment that could not be opened is tried again
 Size = Annotated[int, msgspec.Meta(ge=1_000)]
 
 
@@ -46,8 +47,9 @@ class Ring:
         return sorted(self.folder.glob("*-[0-9]*.log.gz"), key=lambda file: file.name[-14:])
 
     def write(self, frame: Frame, now_s: float) -> None:
-        """Append one frame."""
-        if now_s - self._began[self._path] >= self.settings.segment_s:
+        """Append one frame. OSError, or ValueError while there is no segment, where the disk is full or gone."""
+        if now_s >= self._next_s:
+            self._next_s = now_s + AGAIN_S
             self._writer.close()
             self._open(now_s)
         self._writer.write(frame)
@@ -71,13 +73,13 @@ class Ring:
         self._bound()
 
     def _open(self, now_s: float) -> None:
-        self._number += 1
         kind = "exit" if now_s < self._frozen_until_s else "log"
-        self._path = self.folder / f"{kind}-{self._number:07}.log.gz"
-        self._began[self._path] = now_s
-        self._flush_s = now_s + FLUSH_S
-        stream = gzip.open(self._path, "wt", encoding="ascii")  # noqa: SIM115, closed with the writer
+        self._number += 1
+        path = self.folder / f"{kind}-{self._number:07}.log.gz"
+        stream = gzip.open(path, "wt", encoding="ascii")  # noqa: SIM115, closed with the writer
         self._writer = LogWriter.into(stream, self.channel)
+        self._path, self._began[path] = path, now_s
+        self._flush_s, self._next_s = now_s + FLUSH_S, now_s + self.settings.segment_s
         self._bound()
 
     def _keep(self, path: Path) -> None:

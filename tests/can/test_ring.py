@@ -92,3 +92,22 @@ def test_numbers_go_on_at_the_next_start(tmp_path: Path):
         ring.close()
     kept = sorted(path.name for path in tmp_path.iterdir())
     assert kept == [f"log-{number:07}.log.gz" for number in (1, 2, 3)]
+
+
+def test_a_folder_that_is_gone_when_a_segment_ends_costs_no_more_than_a_second_beyond(tmp_path: Path):
+    folder, away = tmp_path / "box", tmp_path / "away"
+    ring = Ring(folder, SETTINGS, "can0")
+    lost = 0
+    for number in range(300):
+        if number == 95:
+            folder.rename(away)
+        if number == 115:
+            away.rename(folder)
+        try:
+            ring.write(frame(number, number / 10), number / 10)
+        except (OSError, ValueError):
+            lost += 1
+    ring.close()
+    assert 15 <= lost <= 25
+    assert len(names(ring)) == 3
+    assert sum(1 for path in ring.segments() for _ in read_log(path)) == 300 - lost

@@ -23,7 +23,7 @@ class Gate(StrEnum):
     STALE_SIGNAL = "stale signal"
     WARMING_UP = "warming up"
     OVERRIDDEN = "overridden"
-    NEUTRAL = "gear in neutral"
+    NEUTRAL = "gear in neutral or reverse"
     GEAR_CHANGE = "gear change"
     STANDING_STILL = "standing still"
     SATURATED = "current at its limit"
@@ -73,7 +73,7 @@ class GateKeeper:
             return Gate.WARMING_UP
         if sample.overridden:
             return Gate.OVERRIDDEN
-        if gear == 0.0:
+        if gear <= 0.0:  # in reverse the model has no drive either
             return Gate.NEUTRAL
         if self.since_gear_s < settings.gear_settle_s:
             return Gate.GEAR_CHANGE

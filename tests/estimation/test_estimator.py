@@ -145,6 +145,7 @@ GOOD = {"engine_speed_rpm": 2000.0, "gear": 2.0}
         ({"overridden": True}, Gate.OVERRIDDEN),
         ({"signals": GOOD | {"gear": 3.0}}, Gate.GEAR_CHANGE),
         ({"signals": GOOD | {"gear": 0.0}}, Gate.NEUTRAL),
+        ({"signals": GOOD | {"gear": -1.0}}, Gate.NEUTRAL),
         ({"speed_mps": 0.01}, Gate.STANDING_STILL),
         ({"current_ma": 1190.0}, Gate.SATURATED),
         ({"speed_mps": 4.0}, Gate.IMPLAUSIBLE),

@@ -73,7 +73,7 @@ _ALL = (
     Signal("clutch_pedal", "0/1", 0.0, 1.0, "drive line opened by the operator"),
     Signal("cruise_enable", "0/1", 0.0, 1.0, "operator's main switch of the cruise control"),
     Signal("cruise_set", "0/1", 0.0, 1.0, "button: engage at the present speed"),
-    Signal("cruise_resume", "0/1", 0.0, 1.0, "button: engage at the last setpoint"),
+    Signal("cruise_resume", "0/1", 0.0, 1.0, "button: engage at the setpoint asked for; without one, at the last"),
     Signal("cruise_accelerate", "0/1", 0.0, 1.0, "button: raise the setpoint"),
     Signal("cruise_coast", "0/1", 0.0, 1.0, "button: lower the setpoint"),
     Signal("requested_experiment", "-", 0.0, 250.0, "commissioning experiment that the operator asks for, 0 is none"),

@@ -32,7 +32,6 @@ class Field:
     scale: float
     offset: float
     last_valid: int
-    not_available: int
     low: float
     high: float
 
@@ -175,7 +174,6 @@ def _field(signal: Signal) -> Field:
         scale=float(signal.conversion.scale),
         offset=float(signal.conversion.offset),
         last_valid=j1939.last_valid(signal.length),
-        not_available=j1939.not_available(signal.length),
         low=known.low if known else -float("inf"),
         high=known.high if known else float("inf"),
     )

@@ -76,7 +76,7 @@ def view(status: Status, seconds: float, grade_deg: float) -> Panel:
         ("speed", number(status.speed_mps, "m/s")),
         ("pump current", number(status.current_ma, "mA", 0)),
         ("command", number(status.command.current_ma, "mA", 0)),
-        ("disturbance", number(status.command.disturbance_mps, "m/s per sample", 3)),
+        ("disturbance", number(status.command.disturbance_mps, "m/s", 3)),
         ("slope", number(grade_deg, "deg", 1)),
         ("gate", Text(str(status.gate), "green" if status.gate == "open" else "yellow")),
         ("last exit", status.exit_detail or status.exit_condition or "-"),

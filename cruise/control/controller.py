@@ -188,7 +188,9 @@ class Controller:
         self._programmes: dict[tuple[float, float], Programme] = {}
         share = next((effect.acceleration_share for effect in model.effects if isinstance(effect, Grade)), None)
         if share != (self.slope and self.slope.acceleration_share):
-            self.slope = None if share is None else SlopeObserver(share, self.frame_s)
+            self.slope = (
+                None if share is None else SlopeObserver(share, self.frame_s, self.settings.observer.speed_noise_mps)
+            )
         # The reference that the machine can follow lies the dead time in the past; lags are led.
         late = max(fast.delay - round(self.settings.predictive.lead_s / self.frame_s), 0)
         self.past_references = deque([0.0] * (late + 1), maxlen=late + 1)

@@ -202,8 +202,15 @@ class Engagement:
         }
 
     def _may_engage(self, now: Situation) -> bool:
-        self.refused = against_engaging(now, self.settings)
+        self.refused = against_engaging(now, self.settings, self._wanted_mps(now))
         return not self.refused
+
+    def _wanted_mps(self, now: Situation) -> float:
+        """With `set` the speed that it has; with `resume` what the panel asks for, or, if it never does, what held."""
+        if now.set:
+            return now.speed_mps
+        asks = math.isfinite(now.requested_mps) or self._commanded
+        return now.requested_mps if asks else self.setpoint_mps
 
     def _may_commission(self, now: Situation, last: Situation | None) -> bool:
         assert last is not None
@@ -235,12 +242,14 @@ class Engagement:
             self.exit_reason, self.exit_condition, self.exit_detail = ExitReason.NONE, "", ""
             self._lever_pct, self._gear = now.lever_pct, now.gear
         if row.target is State.ENGAGING:
-            self.setpoint_mps = now.speed_mps if now.set else now.requested_mps
+            self.setpoint_mps = self._wanted_mps(now)
             self._allowed_mps = max(self.setpoint_mps, now.speed_mps)  # of this drive: nothing is left of the last
             self._commanded = False
         if row.target is State.COMMISSIONING:
             self.experiment = self.experiments[now.requested_experiment]
             self.setpoint_mps = math.nan  # none holds, and none is left over for later
+        if row.target is State.OFF:
+            self.setpoint_mps = math.nan  # nor after the main switch
         self.state = row.target
 
     def _follow(self, now: Situation, last: Situation) -> None:

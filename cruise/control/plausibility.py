@@ -67,7 +67,7 @@ class PlausibilitySettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unk
     faulty_share: Positive = 0.5  # of the last frames of a protected message
     repeated: Positive = 24.0  # frames of the drive in the order of an earlier stretch; two of noise alone are rare
     wavering: Positive = 2.5  # times in a second: an operator may change his mind twice
-    pace: Positive = 1.5  # of the program's own period
+    slowness: Positive = 1.5  # of the program's own period
 
     def __post_init__(self) -> None:
         refuse_wide(self, WIDEST)
@@ -97,7 +97,7 @@ class Seen:
     imposters: int  # frames of our own messages that we did not send
     wavering: int  # times in the last second that the setpoint went back to the one before
     upset: bool  # what is kept twice (state of the observer, model, current sent last) is no longer the same
-    pace: float  # mean time between two ticks over the period
+    slowness: float  # mean time between two ticks over the period
 
 
 @dataclass(slots=True)
@@ -124,8 +124,6 @@ class Texture:
         if math.isfinite(bend) and passed_s > 0.0:
             share = min(passed_s / TEXTURE_S, 1.0)
             self.mean_square += share * (bend * bend - self.mean_square)
-        elif not math.isfinite(self.mean_square):
-            self.mean_square = 0.0
 
     @property
     def roughness(self) -> float:
@@ -301,7 +299,7 @@ CHECKS: Final = (
     Check("two setpoints take turns", lambda seen, memory, settings: seen.wavering / settings.wavering, 0.0),
     Check("the program's memory changed by itself", lambda seen, memory, settings:
           math.inf if seen.upset else 0.0, 0.0),
-    Check("the program gets too little time", lambda seen, memory, settings: seen.pace / settings.pace, 0.0),
+    Check("the program gets too little time", lambda seen, memory, settings: seen.slowness / settings.slowness, 0.0),
     Check("the current does not follow its command", _current, 0.1, True),
     Check("the current has left its command", _regulation, 0.05, True),
     Check("the current is late behind its command", lambda seen, memory, settings:

@@ -32,10 +32,9 @@ class Reference:
         self._ahead: deque[tuple[float, float]] = deque()  # the way to the setpoint as far as it was looked at
         self._towards = (math.nan, math.nan)  # the setpoint and the step of this way
 
-    def reset(self, speed_mps: float, accel_mps2: float = 0.0) -> None:
-        """Begin from the machine's own motion, so that engaging doesn't jerk."""
-        limit = self.settings.accel_mps2
-        self.speed_mps, self.accel_mps2 = speed_mps, min(max(accel_mps2, -limit), limit)
+    def reset(self, speed_mps: float) -> None:
+        """Begin from the machine's own speed."""
+        self.speed_mps, self.accel_mps2 = speed_mps, 0.0
         self._ahead.clear()
 
     def step(self, setpoint_mps: float, dt_s: float) -> float:

@@ -71,9 +71,8 @@ class Situation:
     experiment_over: bool  # the running experiment has come to its end
 
 
-def against_engaging(now: Situation, settings: EngagementSettings) -> str:
+def against_engaging(now: Situation, settings: EngagementSettings, wanted_mps: float) -> str:
     """The first thing that stands in the way of the controller, in words; empty where nothing does."""
-    wanted = now.speed_mps if now.set else now.requested_mps
     low, high = settings.speed_min_mps, settings.speed_max_mps
     return _first(
         {
@@ -85,7 +84,7 @@ def against_engaging(now: Situation, settings: EngagementSettings) -> str:
             "no gear is engaged": not now.gear > 0,
             "the machine is too slow or too fast": not low <= now.speed_mps <= high,
             "the current was changed too quickly just now": now.coming_mps2 > settings.coming_mps2,
-            "the setpoint is out of range": not low <= wanted <= high,
+            "the setpoint is out of range": not low <= wanted_mps <= high,
         }
     )
 

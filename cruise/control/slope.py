@@ -19,7 +19,6 @@ from filterpy.kalman import KalmanFilter
 from cruise.control.steady_gain import steady_gain
 from cruise.effects.effect import GRAVITY_MPS2
 
-SPEED_NOISE_MPS: Final = 0.010  # m/s, of one mean over a frame
 PITCH_NOISE_MPS2: Final = 0.020  # m/s2, 0.11 degrees: of one mean over a frame, on a shaking chassis
 ACCEL_MPS2: Final = 1.5  # m/s2 after 1 s, how fast acceleration may come: the law allows 2 m/s3
 RATE_MPS3: Final = 0.1  # m/s3 after 1 s, 0.6 degrees per second: with more the pitch's noise moves the spool
@@ -29,7 +28,8 @@ LASTING_S: Final = 0.7  # tau, 1 m at a usual speed: waves shorter than the whee
 class SlopeObserver:
     """`pull_mps2` is the pull of the slope; NaN before the first sample."""
 
-    def __init__(self, acceleration_share: float, frame_s: float) -> None:
+    def __init__(self, acceleration_share: float, frame_s: float, speed_noise_mps: float) -> None:
+        """`speed_noise_mps`: of one mean over a frame."""
         self.acceleration_share = acceleration_share
         lasts = math.exp(-frame_s / LASTING_S)
         found = KalmanFilter(dim_x=4, dim_z=2)
@@ -42,7 +42,7 @@ class SlopeObserver:
             ]
         )
         found.H = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, acceleration_share, 1.0, 0.0]])
-        found.R = np.diag([SPEED_NOISE_MPS, PITCH_NOISE_MPS2]) ** 2
+        found.R = np.diag([speed_noise_mps, PITCH_NOISE_MPS2]) ** 2
         found.Q = np.diag([0.0, ACCEL_MPS2, 0.0, RATE_MPS3]) ** 2 * frame_s
         gain = steady_gain(found)
         self._forward, self._gain = (np.eye(4) - gain @ found.H) @ found.F, gain

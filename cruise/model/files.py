@@ -18,7 +18,7 @@ from cruise.effects import EFFECTS, Custom, Effect, Stage
 from cruise.effects.expression import ExpressionError
 from cruise.model.core import Core, discretised
 from cruise.model.model import Model
-from cruise.settings import SettingsError
+from cruise.settings import Positive, SettingsError
 
 AGREE = 1e-4  # relative: between core and parameters, so that a file may be rounded to five digits
 
@@ -32,7 +32,6 @@ class CustomTerm(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     bounds: dict[str, tuple[float, float]] = {}  # of its parameters, -1 to 1 for those without
 
 
-Positive = Annotated[float, msgspec.Meta(gt=0)]
 NotNegative = Annotated[float, msgspec.Meta(ge=0)]
 StrokeShare = Annotated[float, msgspec.Meta(ge=0, le=0.95)]
 

@@ -258,7 +258,7 @@ class CruiseNode:
             imposters=self.hearing.imposters,
             wavering=self.hearing.wavering(frame.time_s),
             upset=controller.upset or controller.adopted is not self.supervisor.driving,
-            pace=self.pace.slowness,
+            slowness=self.pace.slowness,
         )
 
     @property

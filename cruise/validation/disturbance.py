@@ -14,12 +14,12 @@ import numpy as np
 
 from cruise.model.prediction import lagged
 
-ORDER: Final = 4  # at 5 Hz: a slow wander, a faster one and white noise on top
+ORDER: Final = 4  # a slow wander, a faster one and white noise on top
 
 
 @dataclass(frozen=True)
 class Disturbance:
-    """Coefficients of the autoregression; none: the error is white. `ends` are the first samples of recordings."""
+    """Coefficients of the autoregression; none: the error is white. `starts` are the first samples of recordings."""
 
     coefficients: tuple[float, ...] = ()
     starts: tuple[int, ...] = ()

@@ -1,10 +1,10 @@
-"""The search for what is missing: every candidate is fitted jointly with the core and judged on what it has not seen.
+"""Fits explanations and judges them: every candidate jointly with the core, on blocks of time that it has not seen.
 
-    gain of a candidate  G = 1 - L_candidate / L_without,   L mean squared held-out error, at least 3 s ahead
+    gain of a candidate  G = 1 - sqrt((L_c / L) (W_c / W))
 
-Forward: the candidate with the greatest gain is added while that gain is large enough to matter and certain enough to
-believe. Backward: what a later effect explains is dropped again. Then each effect that stayed is exchanged for every
-other one: those that do as well can't be told apart on this recording.
+L mean squared held-out error at least 3 s ahead, W that of what an autoregression leaves of it (`disturbance.py`), with
+the candidate (c) and without. Which candidates are tried beside what, added, dropped again and exchanged stands in
+`selection.py` and `exchange.py`.
 """
 
 import math

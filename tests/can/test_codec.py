@@ -137,7 +137,7 @@ def test_what_is_sent_is_what_is_read(layout, data):
 @pytest.mark.parametrize(("layout", "entry"), fields(), ids=lambda item: item.name)
 def test_error_and_not_available_are_no_measurement(layout, entry):
     raw = dict.fromkeys(layout.blank, 0) | ({layout.direction.signal: 1} if layout.direction else {})
-    for count in (entry.last_valid + 1, entry.not_available):
+    for count in (entry.last_valid + 1, layout.blank[entry.name]):
         content = bytearray(layout.message.encode(raw | {entry.name: count}, scaling=False, strict=False))
         if layout.data_id is not None:
             p01.e2e_p01_protect(content, layout.data_id)

@@ -91,12 +91,13 @@ def test_the_law_knows_the_pace_of_a_gear():
 def test_each_gear_has_its_law_whichever_was_driven_first():
     """Fourth gear quicker than its model may have the pole of a slow third: a move weighs another amount there."""
     loop = Loop(Machine(gear=3)).by_hand(600.0, 5.0)
-    controller = loop.controller
-    third = controller._programme(controller.state)
+    controller, state = loop.controller, loop.controller.state
+    assert state is not None
+    third = controller._programme(state)
     pole, pace = controller.pole, controller.pace
     controller.pace = 0.4 * pace
-    fourth = controller._programme(controller.state)
+    fourth = controller._programme(state)
     assert fourth is not third
     assert fourth._weight == pytest.approx(math.sqrt(0.4) * third._weight, rel=0.05)
     controller.pole, controller.pace = pole, pace
-    assert controller._programme(controller.state) is third
+    assert controller._programme(state) is third

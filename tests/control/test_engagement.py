@@ -36,6 +36,30 @@ def test_without_a_setpoint_on_the_bus_the_buttons_are_enough():
     assert engagement.step(alone) is State.STANDBY  # from now on it is the bus that asks
 
 
+def test_resume_takes_the_last_setpoint_where_no_panel_ever_asks_for_one():
+    alone, time_s = replace(READY, requested_mps=math.nan), 0.0
+
+    def steps(engagement: Engagement, *situations) -> State:
+        nonlocal time_s
+        for situation in situations:
+            time_s += 1.0
+            engagement.step(replace(situation, time_s=time_s))
+        return engagement.state
+
+    def driven_and_braked(asked: float) -> Engagement:
+        engagement = Engagement(EngagementSettings())
+        steps(engagement, alone, replace(alone, set=True), replace(alone, requested_mps=asked), alone)
+        steps(engagement, replace(alone, brake=True), alone, alone)
+        return engagement
+
+    pressed = (alone, replace(alone, resume=True))
+    engagement = driven_and_braked(asked=math.nan)
+    assert steps(engagement, *pressed) is State.ENGAGING
+    assert engagement.setpoint_mps == 1.1
+    assert steps(driven_and_braked(asked=1.3), *pressed) is State.STANDBY, "a panel that asked has to ask again"
+    assert steps(engagement, replace(alone, enable=False), *pressed) is State.STANDBY, "switching off forgets it"
+
+
 @pytest.mark.parametrize(
     ("fields", "why"),
     [

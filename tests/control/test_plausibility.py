@@ -31,7 +31,7 @@ TRUE = Seen(
     imposters=0,
     wavering=0,
     upset=False,
-    pace=1.0,
+    slowness=1.0,
 )
 NOISE = {"ground_speed_mps": 0.015, "pump_current_ma": 1.0, "engine_speed_rpm": 2.0}
 Lie = Callable[[Seen, float], Seen]
@@ -86,7 +86,7 @@ LIES: dict[str, tuple[Lie, float]] = {
     "frames of a message come damaged or out of order": (lambda seen, s: replace(seen, faulty_share=0.6), 0.0),
     "the drive's frames were heard before": (lambda seen, s: replace(seen, repeated=25), 0.0),
     "a message has a second sender": (lambda seen, s: replace(seen, crowding=1.7), 0.0),
-    "the program gets too little time": (lambda seen, s: replace(seen, pace=1.6), 0.0),
+    "the program gets too little time": (lambda seen, s: replace(seen, slowness=1.6), 0.0),
     "the current does not follow its command": (
         lambda seen, s: replace(seen, commanded_ma=800.0 + 100.0 * s, current_ma=845.0 + 100.0 * s),
         0.1,

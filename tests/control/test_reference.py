@@ -36,16 +36,12 @@ def test_a_step_takes_about_as_long_as_it_must():
 
 def test_a_preview_changes_nothing_and_is_what_happens():
     reference = Reference(SETTINGS)
-    reference.reset(0.5, 0.2)
+    reference.reset(0.5)
+    reference.step(1.5, 0.2)
+    before = reference.speed_mps, reference.accel_mps2
     coming = reference.preview(1.5, 0.2, 20)
-    assert (reference.speed_mps, reference.accel_mps2) == (0.5, 0.2)
+    assert (reference.speed_mps, reference.accel_mps2) == before
     assert coming == [reference.step(1.5, 0.2) for _ in range(20)]
-
-
-def test_it_starts_from_the_machines_own_motion_within_its_limit():
-    reference = Reference(SETTINGS)
-    reference.reset(1.0, 5.0)
-    assert reference.accel_mps2 == SETTINGS.accel_mps2
 
 
 def test_another_setpoint_or_step_on_the_way_is_followed_at_once():

@@ -7,7 +7,7 @@ import pytest
 
 from cruise.control.slope import SlopeObserver
 
-FRAME_S = 0.05
+FRAME_S, SPEED_NOISE_MPS = 0.05, 0.010
 TIME_S = FRAME_S * np.arange(600)
 
 
@@ -17,7 +17,7 @@ def seen_deg(share: float, accel_mps2: np.ndarray, slope_deg: np.ndarray, noise:
     speed_mps = 1.0 + FRAME_S * np.cumsum(accel_mps2) + 0.01 * noise * rng.standard_normal(len(TIME_S))
     pull_mps2 = 9.81 * np.sin(np.radians(slope_deg)) + share * accel_mps2
     pitch_deg = np.degrees(np.arcsin(pull_mps2 / 9.81)) + 0.11 * noise * rng.standard_normal(len(TIME_S))
-    observer = SlopeObserver(share, FRAME_S)
+    observer = SlopeObserver(share, FRAME_S, SPEED_NOISE_MPS)
     return np.array([observer.step(*one) for one in zip(pitch_deg.tolist(), speed_mps.tolist(), strict=True)])
 
 
@@ -49,7 +49,7 @@ def test_a_hill_is_found_on_the_way(share):
 
 
 def test_it_begins_with_what_is_seen_first():
-    observer = SlopeObserver(1.0, FRAME_S)
+    observer = SlopeObserver(1.0, FRAME_S, SPEED_NOISE_MPS)
     assert math.isnan(observer.pull_mps2)
     assert observer.step(3.0, 1.2) == pytest.approx(3.0, abs=1e-9)
     observer.restart()

@@ -13,11 +13,11 @@ m/s that drive and loads give by the model, d disturbance in m/s of steady speed
 and the machine, heavy as it is, does not follow: lugs of the tyres, slack and swinging of the drive train (omega in
 rad/s, zeta damping, q its way in m), e innovation. A Kalman filter (filterpy) in its steady state: its gain, K_0, is
 found once for each gear (`nearest`). Filtering a ripple where it is measured costs less than in the command: the way
-from the reference, and from what is fed forward, to the command stays as it is. While s changes at a rate s', a model that
-answers some hundredths of a second too early or late, or with a pole that is wrong, errs by that rate times its error
-in time: what doesn't fit is then no disturbance, and would be an overshoot if it were taken for one. With d in the
-prediction the controller has no steady-state error (Muske and Badgwell, "Disturbance modeling for offset-free linear
-model predictive control", J. Process Control 12 (2002)).
+from the reference, and from what is fed forward, to the command stays as it is. While s changes at a rate s', a model
+that answers some hundredths of a second too early or late, or with a pole that is wrong, errs by that rate times its
+error in time: what doesn't fit is then no disturbance, and would be an overshoot if it were taken for one. With d in
+the prediction the controller has no steady-state error (Muske and Badgwell, "Disturbance modeling for offset-free
+linear model predictive control", J. Process Control 12 (2002)).
 
 A hill takes 1/alpha as much of the steady speed as in a slow gear and comes as quickly, but so quick a filter would
 leave fourth gear hardly any margins, and take for a hill whatever the model has wrong at a step of the

@@ -1,6 +1,7 @@
 """Files that a browser sends: kept under a plain name in the folder of the session, and nowhere else."""
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 from nicegui.elements.upload_files import FileUpload
@@ -18,12 +19,22 @@ def plain(name: str) -> str:
     return re.sub(r"[^A-Za-z0-9._-]", "_", last).lstrip(".")[-LONGEST:] or "recording"
 
 
-async def kept(file: FileUpload, folder: Path) -> Path | None:
-    """Where the file is now; None where it is no recording by its name."""
-    name = plain(file.name)
-    if not name.lower().endswith(ENDINGS):
-        return None
+async def kept(files: Sequence[FileUpload], folder: Path) -> list[Path | None]:
+    """Where files that were sent together are now, each under a name of its own; None for what is no recording."""
     folder.mkdir(parents=True, exist_ok=True)
-    path = folder / name
-    await file.save(path)
-    return path
+    paths: list[Path | None] = []
+    for file, name in zip(files, apart([plain(file.name) for file in files]), strict=True):
+        path = folder / name if name.lower().endswith(ENDINGS) else None
+        if path is not None:
+            await file.save(path)
+        paths.append(path)
+    return paths
+
+
+def apart(names: Sequence[str]) -> list[str]:
+    """The names, with a number before those that came before: two files are two, though plain they read alike."""
+    found: list[str] = []
+    for name in names:
+        place = next(k for k in range(len(names)) if (f"{k + 1}-{name}" if k else name) not in found)
+        found.append(f"{place + 1}-{name}" if place else name)
+    return found

@@ -31,8 +31,8 @@ from cruise.workbench.downsample import extremes, window
 from cruise.workbench.examples import EXAMPLES, drive, make
 from cruise.workbench.guard import COOKIE, Guard
 from cruise.workbench.live import Row, Twin, again_and_again, worse_since
-from cruise.workbench.uploads import plain
-from cruise.workbench.views.mapping import AS_IT_IS, TIME, guessed, known, reading_of
+from cruise.workbench.uploads import apart, plain
+from cruise.workbench.views.mapping import AS_IT_IS, AS_SET, TIME, guessed, known, reading_of
 
 
 def test_downsampling_keeps_every_extreme():
@@ -151,6 +151,11 @@ def test_an_upload_never_leaves_its_folder(name, kept):
     assert "/" not in plain(name)
 
 
+def test_files_that_are_sent_together_stay_apart():
+    assert apart(["a.csv", "b.csv"]) == ["a.csv", "b.csv"]
+    assert apart(["__.csv", "__.csv", "2-__.csv", "__.csv"]) == ["__.csv", "2-__.csv", "2-2-__.csv", "3-__.csv"]
+
+
 def asked(token: str, host: str, query: str = "", cookie: str = "", kind: str = "http", method="GET", length="0"):
     """What a request gets, and whether it came through."""
     sent, through = [], []
@@ -242,6 +247,33 @@ def test_what_was_said_of_columns_is_known_again():
     assert known(reading_of(ReadingSettings(), meant), names, meanings) == meant | {
         "engine_speed_rpm": ("engine_speed_rpm", "rpm")
     }
+
+
+def test_what_the_settings_say_holds_on_where_nothing_else_is_said():
+    usual = ReadingSettings(
+        input="I",
+        output="v",
+        columns={
+            "v": ColumnSettings(scale=0.277778),
+            "I": ColumnSettings(scale=7.5),  # of no unit here
+            "header": ColumnSettings(scale=0.1),
+            "sp": ColumnSettings(signal="setpoint_mps", scale=0.277778),
+            "slope": ColumnSettings(signal="pitch_deg", scale=2.0),
+            "grade": ColumnSettings(signal="pitch_deg"),
+        },
+    )
+    names, meanings = ["time_s", "I", "v", "header", "sp", "slope"], [TIME, INPUT, OUTPUT, "pitch_deg"]
+    meant = known(usual, names, meanings)
+    assert meant["v"] == (OUTPUT, "km/h")
+    assert meant["slope"] == ("pitch_deg", AS_SET)
+    asked = {name: meant.get(name, (AS_IT_IS, "-")) for name in names}
+    again = reading_of(usual, asked).columns
+    assert again["v"].scale == pytest.approx(0.277778, rel=1e-5)
+    assert {name: again[name] for name in ("I", "header", "sp", "slope")} == {
+        name: usual.columns[name] for name in ("I", "header", "sp", "slope")
+    }
+    assert "grade" not in again, "another column is the slope now"
+    assert "slope" not in reading_of(usual, asked | {"slope": (AS_IT_IS, "-")}).columns, "it goes by its own name"
 
 
 def rows(errors: list[float]) -> list[Row]:

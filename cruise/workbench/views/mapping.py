@@ -1,6 +1,7 @@
 """What the columns of a file mean, where they are not named as cruise names them."""
 
 import difflib
+import math
 from typing import Any, Final
 
 from msgspec.structs import replace
@@ -26,13 +27,15 @@ UNITS: Final[dict[str, dict[str, tuple[float, float]]]] = {
 }
 """Units of a file by the unit of the signal: scale and offset."""
 AS_IT_IS: Final = "leave as it is"
+AS_SET: Final = "as set"  # scale and offset of the settings, which are those of no unit here
+SAME: Final = 1e-4  # relative: 0.277778 is 1 / 3.6
 LEAVING_OUT: Final = ("cruise_", "requested_", "setpoint", "lever", "brake", "clutch", "pump_current_command")
 
 
 def show(page: Page, asked: Asked) -> None:
     """One row a column: what it is, and in which unit."""
     table = asked.paths[0].suffix.lower() in TABLES  # logs and measurements have times of their own
-    meanings = [*([TIME] if table else []), *(name for name in SIGNALS if not name.startswith(LEAVING_OUT))]
+    meanings = [*([TIME] if table else []), *filter(_offered, SIGNALS)]
     needed = [TIME, INPUT, OUTPUT] if table else [INPUT, OUTPUT]
     meant = known(asked.reading, list(asked.names), meanings)
     chosen: dict[str, tuple[Any, Any]] = {}
@@ -74,6 +77,7 @@ def _choice(name: str, meanings: list[str], value: str, in_unit: str) -> tuple[A
         meaning.props(f'outlined dense options-dense aria-label="meaning of {name}"').style("width:240px")
     with ui.element("td").classes("words"):
         units = _units(value)
+        units = [*units, AS_SET] if in_unit == AS_SET else units
         unit = ui.select(units, value=in_unit if in_unit in units else units[0])
         unit.props(f'outlined dense options-dense aria-label="unit of {name}"').style("width:110px")
         meaning.on_value_change(lambda event: unit.set_options(_units(event.value), value=_units(event.value)[0]))
@@ -96,20 +100,32 @@ def known(reading: ReadingSettings, names: list[str], meanings: list[str]) -> di
 
 def _unit_by(meaning: str, said: ColumnSettings | None) -> str:
     """The unit that has this scale and offset."""
-    units = UNITS.get(_unit_of(meaning), {})
-    wanted = (said.scale, said.offset) if said is not None else (1.0, 0.0)
-    return next((unit for unit, factors in units.items() if factors == wanted), _units(meaning)[0])
+    if said is None:
+        return _units(meaning)[0]
+    units = UNITS.get(_unit_of(meaning), {_units(meaning)[0]: (1.0, 0.0)})
+    for unit, (scale, offset) in units.items():
+        if math.isclose(scale, said.scale, rel_tol=SAME) and math.isclose(offset, said.offset, rel_tol=SAME):
+            return unit
+    return AS_SET
 
 
 def reading_of(usual: ReadingSettings, meant: dict[str, tuple[str, str]]) -> ReadingSettings:
-    """The settings of the command line that say the same: column to meaning and unit."""
-    named: dict[str, str] = {}
-    settings: dict[str, ColumnSettings] = {}
-    for column, (meaning, unit) in meant.items():
-        if meaning == AS_IT_IS:
-            continue
-        named[meaning] = column
+    """The settings of the command line that say the same: column to meaning and unit.
+
+    What the usual ones say of columns that are not asked about, or of what is offered as no meaning, holds on.
+    """
+    named = {meaning: column for column, (meaning, _) in meant.items() if meaning != AS_IT_IS}
+    asked = {*named.values(), usual.time, usual.input, usual.output}
+    settings = {
+        column: said
+        for column, said in usual.columns.items()
+        if column not in asked and said.signal not in named and (column not in meant or not _offered(said.signal))
+    }
+    for meaning, column in named.items():
+        unit, said = meant[column][1], usual.columns.get(column)
         scale, offset = UNITS.get(_unit_of(meaning), {}).get(unit, (1.0, 0.0))
+        if unit == AS_SET and said is not None:
+            scale, offset = said.scale, said.offset
         settings[column] = ColumnSettings(
             signal=None if meaning in (TIME, INPUT, OUTPUT) else meaning, scale=scale, offset=offset
         )
@@ -133,6 +149,10 @@ def guessed(names: list[str], meanings: list[str]) -> dict[str, str]:
         elif alike:
             found[alike[0]] = meaning
     return found
+
+
+def _offered(signal: str | None) -> bool:
+    return signal is not None and not signal.startswith(LEAVING_OUT)
 
 
 def _unit_of(meaning: str) -> str:

@@ -36,7 +36,7 @@ from cruise.identification.families import Linear
 from cruise.identification.named import model_named
 from cruise.identification.structures import Structure
 from cruise.model import files
-from cruise.recording import Recording, notes_of
+from cruise.recording import notes_of
 from cruise.report import comparison_picture
 from cruise.report.comparison import Findings, examined, floor_in_words, report
 from cruise.validation import comparison
@@ -69,25 +69,19 @@ def compare(
     destination("--picture", picture, PICTURES)
     read = tables(recordings, columns_of(columns, input_name, output_name, database))
     judged: Structure | tuple[Structure, Linear] = structure
-    seen: tuple[str, ...] = ()
+    fitted_to: tuple[str, ...] = ()
     if start is not None:
         file = files.read(model)
         judged = structure, comparison.of_parameters(structure.family, start, file.noise_parameters)
-        seen = _seen(file.provenance.recordings, read)
+        fitted_to = file.provenance.recordings
     with Console(highlight=False, stderr=True).status("comparing") as status:
         compared = comparison.compare(judged, read, preparation, horizon, status.update)
-        found = examined(model, seen, compared, status.update)
+        found = examined(model, fitted_to, compared, status.update)
     drawn = comparison_picture.draw(found.comparison, found.floor, found.regimes, found.stretches, model, picture)
     if as_json:
         print(json.dumps({**report(found), "picture": str(drawn)}, indent=2))
     else:
         _print(found, drawn)
-
-
-def _seen(fitted_to: tuple[str, ...], recordings: list[Recording]) -> tuple[str, ...]:
-    """The recordings whose file names stand in the model's provenance ("one.csv, 0 to 119.8 s")."""
-    known = {Path(text.rpartition(", ")[0] or text).name for text in fitted_to}
-    return tuple(one.source for one in recordings if Path(one.source).name in known)
 
 
 def _print(found: Findings, drawn: Path) -> None:
@@ -101,8 +95,8 @@ def _print(found: Findings, drawn: Path) -> None:
         f"{filtered}"
     )
     _say(console, f"the model was {compared.how}", 0)
-    if found.seen:
-        _say(console, f"it had been fitted to {', '.join(found.seen)}: what follows is not held out", 0)
+    if found.not_held_out:
+        _say(console, found.not_held_out, 0)
     notes = notes_of(compared.recordings)
     for note in notes[:NOTES_SHOWN]:
         console.print(f"note: {note}", markup=False)

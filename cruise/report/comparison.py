@@ -1,13 +1,14 @@
 """A comparison of a model with measurements: everything that is asked of its errors, in figures and in words."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from cruise.recording import notes_of
+from cruise.recording import Recording, notes_of
 from cruise.validation.comparison import Comparison
 from cruise.validation.failure_tree import FailureTree, failure_tree
 from cruise.validation.noise_floor import Bound, NoiseFloor, causes_in, noise_floor
@@ -30,15 +31,26 @@ class Findings:
     stretches: tuple[Stretch, ...]
     signatures: Signatures
 
+    @property
+    def not_held_out(self) -> str:
+        """What is to be said first where the model was fitted to what it is judged on; empty where it was not."""
+        return f"it had been fitted to {', '.join(self.seen)}: what follows is not held out" if self.seen else ""
 
-def examined(name: str, seen: tuple[str, ...], found: Comparison, show: Callable[[str], None]) -> Findings:
-    """Ask everything of the errors of a comparison."""
+
+def seen(fitted_to: Sequence[str], recordings: Sequence[Recording]) -> tuple[str, ...]:
+    """The recordings whose file names stand in a model's provenance ("one.csv, 0 to 119.8 s")."""
+    known = {Path(text.rpartition(", ")[0] or text).name for text in fitted_to}
+    return tuple(one.source for one in recordings if Path(one.source).name in known)
+
+
+def examined(name: str, fitted_to: Sequence[str], found: Comparison, show: Callable[[str], None]) -> Findings:
+    """Ask everything of the errors of a comparison; `fitted_to` is the provenance of a model file."""
     show("looking for the noise floor")
     floor = noise_floor(found.native, found.recordings, found.ahead_mps, found.horizon)
     show("looking where it fails")
     return Findings(
         name=name,
-        seen=seen,
+        seen=seen(fitted_to, found.recordings),
         comparison=found,
         floor=floor,
         regimes=regimes(found.recordings, found.errors_mps, found.horizon),

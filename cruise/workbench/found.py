@@ -126,6 +126,7 @@ class Compared:
 
     question: Question
     how: str
+    not_held_out: str  # a sentence, where the model was fitted to what it is judged on; or empty
     predicted: Predicted
     figures: tuple[Figures, ...]  # ahead, free run, persistence, floor at most, floor at least
     floor_mps: tuple[float, float]  # at least, at most; NaN where not known

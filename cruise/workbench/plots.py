@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from nicegui import ui
@@ -71,18 +71,26 @@ def minute(found: Minute, colors: Theme) -> None:
     _still(data, colors, "time (s)", "speed (m/s)", "the minute that tells most", height=270)
 
 
-def stairs(levels: Sequence[tuple[str, float]], floor: tuple[float, float], at: int, colors: Theme) -> None:
-    """The error as stairs down to the noise floor, one level a model."""
-    errors = [error for _, error in levels]
+class Level(NamedTuple):
+    """One stair: the place of its step, and its held-out error."""
+
+    place: int
+    name: str
+    error_mps: float
+
+
+def stairs(levels: Sequence[Level], floor: tuple[float, float], at: int, colors: Theme) -> None:
+    """The error as stairs down to the noise floor, one level a model; `at` is the place of the present one."""
+    errors = [level.error_mps for level in levels]
     bounds = [one for one in floor if math.isfinite(one) and one > 0.0]
     low, high = min([*errors, *bounds]), max(errors)
     data: list[dict[str, Any]] = []
-    for k, (name, error) in enumerate(levels):
-        color = colors.model if k <= at else theme.faint(colors.muted, 0.5)
+    for k, (place, name, error) in enumerate(levels):
+        color = colors.model if place <= at else theme.faint(colors.muted, 0.5)
         data.append(
             {
                 "type": "scatter", "mode": "lines", "x": [k - 0.42, k + 0.42], "y": [error, error], "name": name,
-                "line": {"color": color, "width": 4 if k == at else 2.5},
+                "line": {"color": color, "width": 4 if place == at else 2.5},
                 "hovertemplate": f"{name}: {error:.4f} m/s<extra></extra>",
             }
         )  # fmt: skip
@@ -91,7 +99,7 @@ def stairs(levels: Sequence[tuple[str, float]], floor: tuple[float, float], at: 
         300,
         margin={"l": 60, "r": 14, "t": 22, "b": 36},
         xaxis=theme.axis(
-            colors, tickvals=list(range(len(levels))), ticktext=[name for name, _ in levels], showgrid=False,
+            colors, tickvals=list(range(len(levels))), ticktext=[level.name for level in levels], showgrid=False,
             range=[-0.6, max(len(levels) - 0.4, 1.6)], fixedrange=True, zeroline=False,
         ),
         yaxis=theme.axis(
@@ -105,7 +113,7 @@ def stairs(levels: Sequence[tuple[str, float]], floor: tuple[float, float], at: 
                 "x": k, "y": math.log10(error), "text": f"{error:.4f}", "showarrow": False, "yshift": 12,
                 "font": {"size": 12, "color": colors.ink},
             }
-            for k, (_, error) in enumerate(levels)
+            for k, error in enumerate(errors)
         ],
         shapes=_floor(bounds, colors),
     )  # fmt: skip

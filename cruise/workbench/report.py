@@ -138,13 +138,14 @@ def as_pdf(session: Session) -> bytes:
 def _ladder(steps: list[Step]) -> Iterator[Part]:
     if len(steps) < 2:
         return
-    rows = [("step", "held-out error before (m/s)", "after (m/s)", "noise floor (m/s)")]
+    rows = [("step", "error (m/s)", "before", "after", "noise floor")]
     for step in steps[1:]:
         added = step.added
         if added is not None:
             least, most = added.floor_mps
             floor = least if math.isfinite(least) else most
-            rows.append((step.name, speed(added.error_before_mps), speed(added.error_after_mps), speed(floor)))
+            errors = speed(added.error_before_mps), speed(added.error_after_mps)
+            rows.append((step.name, "all data" if added.by_hand else "held out", *errors, speed(floor)))
     yield Part("How the error fell", table=tuple(rows))
     last = steps[-1].added
     if last is not None and last.parameters:
@@ -169,7 +170,8 @@ def _compared(name: str, found: Compared) -> Iterator[Part]:
         for one in found.figures
     ]
     where = [one.sentence for one in found.regimes if one.named] + list(found.leaves)
-    sentences = (f"The model was {found.how}.", *found.floor_words, *where)
+    held_out = (f"The model was fitted before: {found.not_held_out}.",) if found.not_held_out else ()
+    sentences = (f"The model was {found.how}.", *held_out, *found.floor_words, *where)
     yield Part(f"{name}: compared", sentences, tuple(rows), found.picture)
 
 

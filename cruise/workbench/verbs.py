@@ -65,7 +65,7 @@ UNFILTERED_HZ: Final = 0.0  # the search weighs frequencies itself
 CUTOFF_HZ: Final = 1.0  # of the training data, the default of the verbs
 CAUSES: Final = {
     "ahead": "How far the prediction is off {horizon:g} s ahead, from every sample on, on data that the fit has not "
-    "seen where the model was fitted here. This is what the controller lives on.",
+    "seen unless it is said. This is what the controller lives on.",
     "free": "The model on its own from the first sample: it never sees the measured speed again. Slow drifts and "
     "offsets show here.",
     "persistence": "The simplest prediction there is: the speed stays as it was {horizon:g} s ago. A model that does "
@@ -97,20 +97,22 @@ def asked(source: Source, show: Show) -> Asked:
 def compared(recordings: Sequence[Recording], question: Question, show: Show) -> Compared:
     """`cruise compare`: the curves are handed over before floor and regimes are known."""
     structure, start = model_named(question.model)
-    judged = structure
+    judged, fitted_to = structure, ()
     if start is not None:
         file = files.read(question.model)
+        fitted_to = file.provenance.recordings
         judged = structure, comparison.of_parameters(structure.family, start, file.noise_parameters)
     found = comparison.compare(
         judged, recordings, _prepared(question, start, CUTOFF_HZ), question.horizon_s, lambda text: show(text)
     )
     curves = Predicted(found.recordings, found.ahead_mps, found.free_run_mps)
     show("judging", curves)
-    findings = comparing.examined(question.model, (), found, lambda text: show(text))
+    findings = comparing.examined(question.model, fitted_to, found, lambda text: show(text))
     where = findings.regimes
     result = Compared(
         question=question,
         how=found.how,
+        not_held_out=findings.not_held_out,
         predicted=curves,
         figures=_figures(found, findings.floor),
         floor_mps=_between(findings.floor),

@@ -22,6 +22,7 @@ from cruise.workbench.found import Opened, Question, Source
 from cruise.workbench.session import MODEL, Session, Step, moves
 from cruise.workbench.setup import Setup
 from cruise.workbench.verbs import added, by_hand, compared
+from cruise.workbench.views.adding import levels
 from cruise.workbench.views.failing import stretches_of
 from cruise.workbench.views.missing import floor_of
 
@@ -70,6 +71,11 @@ def test_adding_lets_the_error_fall_to_the_floor(begun, better):
     assert files.read(better.path) == better.file
 
 
+def test_it_is_said_where_a_model_is_judged_on_what_it_was_fitted_to(begun, better):
+    assert begun.not_held_out == "", "fitted here, by blocks"
+    assert "not held out" in better.compared.not_held_out
+
+
 def test_the_heat_map_knows_the_cell_of_every_sample(begun):
     cells = begun.cells
     known = np.concatenate(cells.number)
@@ -100,6 +106,15 @@ def test_what_was_set_by_hand_is_a_model_file_that_every_verb_reads(recording, b
     assert file.core is not None
     assert file.core.loads_mps == {"grade": 0.2}
     assert kept.error_after_mps > kept.error_before_mps
+
+
+def test_stairs_are_of_held_out_errors_alone(session, better):
+    by_hand_too = replace(better, by_hand=True, error_after_mps=9.0)
+    session.steps = [*session.steps, Step("by hand", Question("x"), None, by_hand_too), Step("+ b", Question("y"))]
+    session.steps[3].added = replace(better, error_after_mps=0.5)
+    found = levels(session)
+    assert [level.place for level in found] == [0, 1, 3]
+    assert [level.error_mps for level in found] == [better.error_before_mps, better.error_after_mps, 0.5]
 
 
 def test_a_term_of_ones_own_is_fitted_and_written_into_the_file(recording, tmp_path):

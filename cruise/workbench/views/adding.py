@@ -51,25 +51,25 @@ def show(page: Page) -> None:
         _custom(page)
 
 
-def levels(session: Session) -> list[tuple[str, float]]:
-    """Every step's name with its held-out error."""
-    found = []
+def levels(session: Session) -> list[plots.Level]:
+    """Every step with its held-out error; one that was set by hand has none."""
+    found: list[plots.Level] = []
     for place, step in enumerate(session.steps):
-        if step.added is not None:
-            if place == 1:
-                found.append((session.steps[0].name, step.added.error_before_mps))
-            found.append((step.name, step.added.error_after_mps))
+        if step.added is None or step.added.by_hand:
+            continue
+        if not found:
+            found.append(plots.Level(place - 1, session.steps[place - 1].name, step.added.error_before_mps))
+        found.append(plots.Level(place, step.name, step.added.error_after_mps))
     return found
 
 
 def _ladder(page: Page) -> None:
     session = page.session
-    found = levels(session)
-    if not found:
+    found, floors = levels(session), [step.added.floor_mps for step in session.steps if step.added is not None]
+    if found:
+        plots.stairs(found, floors[-1], session.at, page.colors)
+    elif not floors:
         ui.label("Nothing was added yet. Ask what is missing, or write a term of your own below.").classes("quiet")
-        return
-    floors = [step.added.floor_mps for step in session.steps if step.added is not None]
-    plots.stairs(found, floors[-1], session.at, page.colors)
     step = session.step
     added = step.added if step else None
     if added is not None:

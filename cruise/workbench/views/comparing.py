@@ -47,6 +47,8 @@ def show(page: Page) -> None:
 def _headline(compared: Compared) -> None:
     ahead = compared.figures[0]
     rows = {one.name: one for one in compared.figures}
+    if compared.not_held_out:
+        ui.label(f"The model was fitted before: {compared.not_held_out}.").classes("quiet measure")
     with ui.row().classes("gap-12"):
         figure(speed(ahead.rmse_mps), "m/s", f"RMS error, {ahead.name}", ahead.words)
         for name, words in (("floor at most", "a flexible model reaches"), ("persistence", "persistence")):

@@ -87,7 +87,9 @@ def cross_correlation(recordings: Sequence[Recording], whiten: bool | None = Non
         )
     order = 0
     if whiten or (whiten is None and not _is_white(u)):
-        coefficients = _whitening(u, min(round(LONGEST_FILTER_S / dt_s), LARGEST_ORDER, samples // 20, longest // 3))
+        largest = min(round(LONGEST_FILTER_S / dt_s), LARGEST_ORDER, samples // 20, longest // 3)
+        u, y = ([part for part in parts if len(part) > 2 * largest] for parts in (u, y))  # shorter ones have no middle
+        coefficients = _whitening(u, largest)
         order = len(coefficients) - 1
         u, y = (centred([np.convolve(coefficients, p, "valid") for p in parts]) for parts in (u, y))
         samples = sum(len(part) for part in u)
@@ -110,7 +112,7 @@ def cross_correlation(recordings: Sequence[Recording], whiten: bool | None = Non
         whitening_order=order,
         peak_lag_s=dt_s * _top(np.abs(correlation), lags + peak_at) - dt_s * lags,
         peak=float(causal[peak_at]),
-        delay_s=dt_s * _onset(causal * np.sign(causal[peak_at]), peak_at, bound) if stands_out else None,
+        delay_s=dt_s * _onset(causal * np.sign(causal[peak_at]), bound, peak_bound) if stands_out else None,
         samples=samples,
     )
 
@@ -159,13 +161,13 @@ def _top(values: FloatArray, at: int) -> float:
     return at + float(np.clip(0.5 * (before - after) / bend, -0.5, 0.5)) if bend < 0.0 else float(at)
 
 
-def _onset(causal: FloatArray, peak_at: int, bound: float) -> float:
-    """Return where the run above the bound that holds the peak begins, in samples.
+def _onset(causal: FloatArray, bound: float, peak_bound: float) -> float:
+    """Return where the first run above the bound begins that reaches what no lag does by chance, in samples.
 
     Its first lag, less what the line through it and the next needs to come down to 0, one sample at most.
     """
-    first = peak_at
+    reached = first = int(np.argmax(causal > peak_bound))
     while first > 0 and causal[first - 1] > bound:
         first -= 1
-    rise = causal[first + 1] - causal[first] if first < peak_at else 0.0
+    rise = causal[first + 1] - causal[first] if first < reached else 0.0
     return first - (min(float(causal[first] / rise), 1.0) if rise > 0.0 and first > 0 else 0.0)

@@ -230,9 +230,9 @@ def feedback(
     tests = [test for test in (_granger(group, every, n, m) for group in groups) if test is not None]
     if not tests:
         return NotPossible("feedback can't be judged: the current repeats itself exactly")
-    # The strongest of several tests: its p-value counts as often as there are tests (Bonferroni).
-    strongest = min(tests, key=lambda test: (test.p_value, -test.explained_share))
-    return replace(strongest, p_value=min(strongest.p_value * len(tests), 1.0), before_share=before)
+    # The strongest of several tests: each p-value counts as often as there are tests (Bonferroni).
+    tests = [replace(test, p_value=min(test.p_value * len(tests), 1.0), before_share=before) for test in tests]
+    return min(tests, key=lambda test: (not test.found, test.p_value, -test.explained_share))
 
 
 def _usable(group: Sequence[Piece], every: int, lags: int) -> int:

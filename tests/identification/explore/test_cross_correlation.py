@@ -71,6 +71,27 @@ def test_a_gap_joins_nothing():
     np.testing.assert_array_equal(holed.correlation, apart.correlation)
 
 
+def test_pieces_shorter_than_the_whitening_filter_say_nothing():
+    u = red(6000, 7, 0.9)
+    y = through(*lag(1.0), 14, u) + noise(6000, 7, 0.01)
+    u[3000::8] = np.nan
+    found = correlated(u, y)
+    assert found.whitening_order >= 1
+    assert found.samples <= 3000
+    assert found.delay_s == pytest.approx(15 * DT_S, abs=1.1 * DT_S)
+
+
+def test_a_slow_drive_begins_before_its_peak_though_noise_breaks_the_way_there():
+    delays = []
+    for seed in range(20):
+        u = white(4000, seed)
+        y = through(*lag(1.5), 9, np.asarray(signal.lfilter([0.03], [1.0, -0.97], u - 700.0)))
+        delays.append(correlated(u, y + noise(4000, seed, 0.03)).delay_s)
+    assert None not in delays
+    assert np.abs(np.array(delays) - 10 * DT_S).max() < 0.5
+    assert np.median(delays) == pytest.approx(10 * DT_S, abs=0.2)
+
+
 @pytest.mark.parametrize(
     ("u", "y", "says"),
     [

@@ -131,6 +131,15 @@ def test_experiments_of_another_kind_are_no_feedback():
     assert verdict.p_value > 0.01
 
 
+def test_a_long_drive_with_a_trace_does_not_hide_a_short_closed_loop():
+    u = steps(60_000, 5)
+    y = through(*lag(1.0), 10, u) + noise(60_000, 5)
+    trace = u + 12.0 * np.roll(y - y.mean(), 5)
+    verdict = feedback([recording(trace, y), recording(*closed_loop(2000, 4))])
+    assert isinstance(verdict, Feedback)
+    assert verdict.found
+
+
 def test_many_short_recordings_are_tested_together():
     u, y = closed_loop(6000, 8)
     parts = [recording(u[k : k + 300], y[k : k + 300]) for k in range(0, 6000, 300)]

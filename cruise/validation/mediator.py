@@ -46,7 +46,7 @@ ALONE: Final = (0.65, 0.9)  # or that its signal alone foretells, and of what al
 FORCES: Final = 2  # that such an effect may stand for, where it errs hardly more than all of them
 LEFT_BY_MANY: Final = 0.7  # of what all recorded forces leave together: with less, and while they take no more than
 BY_MANY: Final = 0.87  # of what it takes away, it is the one cause of them all
-ROOT: Final = 0.8  # power of the pressure below which it is no force that shows there,
+IN_PROPORTION: Final = (0.8, 1.2)  # powers of the pressure beyond which it is no force that shows there,
 SURELY: Final = 2.0  # by so many standard errors
 BY_COMMAND: Final = 0.9  # of what all signals foretell, that the current alone does where it is the drive's answer that
 # shows: an unmodelled limit of its rate had 1.0 or more, leakage 0.8 or less on 13 drives with slopes
@@ -74,7 +74,7 @@ def behind(
     none_yet = not any(EFFECTS[name].stage is Stage.LOAD for name in chosen)
     if through is Through.RECORDED and none_yet and _has_a_signal_of_its_own(direct.candidate):
         many = max(
-            _more_than_many(study.search, present, mediator, direct), _through_orifices(study.search, mediator, direct)
+            _more_than_many(study.search, present, mediator, direct), _by_a_power(study.search, mediator, direct)
         )
         return (Through.ITSELF, many) if many > 0.0 else (through, 0.0)
     if through is Through.ITSELF and one.commanded:
@@ -98,14 +98,15 @@ def _more_than_many(search: Search, present: Judged, mediator: Judged, direct: J
     return max(1.0 - mediator.loss / (LEFT_BY_MANY * many.loss), 0.0)
 
 
-def _through_orifices(search: Search, mediator: Judged, direct: Judged) -> float:
-    """How far the mediator is from leaving as much as the direct cause (0..1), where it goes by a root of the pressure.
+def _by_a_power(search: Search, mediator: Judged, direct: Judged) -> float:
+    """How far the mediator is from leaving as much as the direct cause (0..1), where a power of the pressure acts.
 
     A force costs speed in proportion to itself, and so to the pressure in which it shows; oil leaks by the root of it
-    through whatever is sharp.
+    through whatever is sharp, and by more than it where the pressure widens the gaps.
     """
-    exponent, std = _exponent(search, mediator)
-    return max(1.0 - mediator.loss / (LEFT_BY_MANY * direct.loss), 0.0) if exponent + SURELY * std < ROOT else 0.0
+    (root, more), (exponent, std) = IN_PROPORTION, _exponent(search, mediator)
+    in_proportion = root <= exponent + SURELY * std and exponent - SURELY * std <= more
+    return 0.0 if in_proportion else max(1.0 - mediator.loss / (LEFT_BY_MANY * direct.loss), 0.0)
 
 
 def _exponent(search: Search, mediator: Judged) -> tuple[float, float]:
@@ -267,11 +268,16 @@ def may_be_needed(alone: Tried) -> bool:
     return _no_force(alone.name) and alone.gain >= LEAST_GAIN and alone.sureness >= SURE
 
 
-def needed(present: Judged, mediator: Judged, alone: Tried, beside: Tried) -> bool:
-    """Whether a candidate that is no force is needed whatever the forces are; tried alone and beside the mediator."""
+def needed(present: Judged, mediator: Judged, alone: Tried, beside: Tried, force: float) -> bool:
+    """Whether a candidate that is no force is needed whatever the forces are; tried alone and beside the mediator.
+
+    `force` is the least loss that a force leaves alone: one that leaves no more than both is all there is, and dry
+    friction that sticks is such a one.
+    """
     weighty = beside.counted >= NEEDED and beside.gain >= LEAST_GAIN and beside.sureness >= SURE
     brings = mediator.loss - beside.judged.loss
-    return may_be_needed(alone) and weighty and brings >= NEEDED_SHARE * present.loss
+    matters = brings >= NEEDED_SHARE * present.loss and force > beside.judged.loss
+    return may_be_needed(alone) and weighty and matters
 
 
 def refuted(mediator: Judged, alone: Sequence[Tried]) -> tuple[str, ...]:
@@ -294,6 +300,12 @@ def weighed(alone: Tried, beside: Tried | None) -> Tried:
         sureness=beside.sureness,
         compared=beside.judged,
     )
+
+
+def least_of_a_force(present: Judged, alone: Sequence[Tried]) -> float:
+    """The least loss that a force of the table leaves, beside the mediators."""
+    forces = (one for one in alone if not one.name.startswith(UNNAMED) and one.name not in MEDIATORS)
+    return min((one.judged.loss for one in forces if not _no_force(one.name)), default=present.loss)
 
 
 def _no_force(name: str) -> bool:

@@ -19,7 +19,18 @@ from cruise.validation.background import STRUCTURAL, Background
 from cruise.validation.candidates import MEDIATORS, UNNAMED, Candidate, EffectCandidate, without
 from cruise.validation.explanation import Explanation
 from cruise.validation.fitting import Fit
-from cruise.validation.mediator import SHOWN, SILENT, Said, Through, behind, may_be_needed, needed, refuted, weighed
+from cruise.validation.mediator import (
+    SHOWN,
+    SILENT,
+    Said,
+    Through,
+    behind,
+    least_of_a_force,
+    may_be_needed,
+    needed,
+    refuted,
+    weighed,
+)
 from cruise.validation.search import AT_BOUND, Judged, Search, gain, sureness
 from cruise.validation.side_by_side import side_by_side
 from cruise.validation.slope import PITCH
@@ -216,7 +227,8 @@ def _said(
         names = [*chosen, mediator.name]
         step = tried_beside(study, mediator.judged, others, names, rng, show, effort=QUICK, known=known)
         beside = {one.name: one for one in step.tried}
-        if any(needed(present, step.before, one, beside[one.name]) for one in alone if one is not mediator):
+        force = least_of_a_force(present, alone)
+        if any(needed(present, step.before, one, beside[one.name], force) for one in alone if one is not mediator):
             return Said(mediator.name, Through.RECORDED, 0.0, step.before, beside, ())
     no_forces = refuted(mediator.judged, alone) if mediator.gain >= SHOWN else ()
     through = {*MEDIATORS, *(f"{UNNAMED}{signal}" for signal in EFFECTS[mediator.name].needs)}

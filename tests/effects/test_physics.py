@@ -31,6 +31,16 @@ def test_quadratic_gain():
     assert QuadraticGain(0.5).step(400.0, 0.0, {}, None, 0.2)[0] == pytest.approx(400 * (1 + 0.5 * 0.4))
 
 
+@pytest.mark.parametrize("exponent", [0.5, 0.8, 1.3, 2.0])
+def test_a_power_of_the_current_is_undone_by_its_inverse(exponent):
+    effect = QuadraticGain(0.5, 0.3, exponent)
+    bare = QuadraticGain(exponent=exponent)
+    assert bare.step(500.0, 0.0, {}, None, 0.2)[0] == pytest.approx(1000.0 * 0.5**exponent, rel=0.01)
+    for current_ma in (-1200.0, -300.0, -1.0, 0.0, 0.01, 20.0, 900.0):
+        drive_ma, _ = effect.step(current_ma, 0.0, {}, None, 0.2)
+        assert effect.inverse(drive_ma, {}, None).nearest(current_ma) == pytest.approx(current_ma, abs=1e-6)
+
+
 @pytest.mark.parametrize(("curvature", "bend"), [(1.8, 0.6), (10.0, 1.0), (-0.2, 0.1), (0.0, 0.5)])
 def test_a_flattened_curve_is_odd_and_undone_by_its_inverse(curvature, bend):
     effect = QuadraticGain(curvature, bend)

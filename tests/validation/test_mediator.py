@@ -22,6 +22,8 @@ from cruise.validation.mediator import (
     UNSEEN,
     Through,
     behind,
+    least_of_a_force,
+    needed,
     refuted,
 )
 from cruise.validation.search import Judged
@@ -96,6 +98,8 @@ def said(begun: Study, left: float, instead: float, told: float, monkeypatch, **
         (0.26, DIRECT + 0.2, 0.9, {"many": BY_MANY - 0.01}, Through.RECORDED),
         (0.1, DIRECT + 0.2, 0.9, {"exponent": (0.6, 0.02)}, Through.ITSELF),
         (0.1, DIRECT + 0.2, 0.9, {"exponent": (0.6, 0.1)}, Through.RECORDED),
+        (0.1, DIRECT + 0.2, 0.9, {"exponent": (1.4, 0.05)}, Through.ITSELF),
+        (0.1, DIRECT + 0.2, 0.9, {"exponent": (1.4, 0.15)}, Through.RECORDED),
         (0.1, DIRECT + 0.2, 0.9, {"exponent": (0.6, 0.02), "name": "dead_zone"}, Through.RECORDED),
         (0.1, DIRECT + 0.2, 0.9, {"exponent": (0.6, 0.02), "chosen": ("grade",)}, Through.RECORDED),
         (0.26, 0.9, 0.9, {"exponent": (0.6, 0.02)}, Through.RECORDED),
@@ -140,6 +144,19 @@ def test_it_is_the_surer_the_farther_it_is_from_a_limit(begun, monkeypatch):
     assert margin(0.05, 0.4) > margin(0.2, 0.4) > 0.0, "of what it leaves"
     assert margin(0.5, 0.05) > margin(0.5, 0.2) > 0.0, "of what another takes"
     assert margin(0.2, 0.05) == pytest.approx(1.0 - 0.05 / LONELY), "whichever is farther"
+
+
+@pytest.mark.parametrize(("force", "is_needed"), [(0.5, True), (0.11, True), (0.09, False)])
+def test_what_is_no_force_is_not_needed_where_a_force_alone_leaves_as_little(begun, force, is_needed):
+    def tried(name: str, share: float) -> Tried:
+        judged = replace(begun.base, candidate=name, raw=share * np.ones_like(begun.base.raw))
+        return Tried(name, 1.0 - share, 100.0, 1.0, 9.0, judged, judged)
+
+    alone = [tried("dead_zone", 0.2), tried("coulomb_friction", force), tried("leakage", 0.05), tried("grade", 0.9)]
+    present, mediator = tried("", 1.0).judged, tried("leakage", 0.3).judged
+    least = least_of_a_force(present, alone)
+    assert least == pytest.approx(force)
+    assert needed(present, mediator, alone[0], tried("dead_zone", 0.1), least) is is_needed
 
 
 def test_a_curve_of_a_signal_that_no_force_reads_is_refuted_as_its_effects_are(begun):

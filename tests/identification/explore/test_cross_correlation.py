@@ -86,9 +86,9 @@ def test_a_slow_drive_begins_before_its_peak_though_noise_breaks_the_way_there()
     for seed in range(20):
         u = white(4000, seed)
         y = through(*lag(1.5), 9, np.asarray(signal.lfilter([0.03], [1.0, -0.97], u - 700.0)))
-        delays.append(correlated(u, y + noise(4000, seed, 0.03)).delay_s)
+        delays.append(correlated(u, y + noise(4000, seed, 0.2)).delay_s)
     assert None not in delays
-    assert np.abs(np.array(delays) - 10 * DT_S).max() < 0.5
+    assert np.quantile(delays, 0.8) < 0.8
     assert np.median(delays) == pytest.approx(10 * DT_S, abs=0.2)
 
 

@@ -134,8 +134,8 @@ def test_experiments_of_another_kind_are_no_feedback():
 def test_a_long_drive_with_a_trace_does_not_hide_a_short_closed_loop():
     u = steps(60_000, 5)
     y = through(*lag(1.0), 10, u) + noise(60_000, 5)
-    trace = u + 12.0 * np.roll(y - y.mean(), 5)
-    verdict = feedback([recording(trace, y), recording(*closed_loop(2000, 4))])
+    u[5:] += 60.0 * (y[:-5] - y.mean())
+    verdict = feedback([recording(u, y), recording(*closed_loop(1200, 5))])
     assert isinstance(verdict, Feedback)
     assert verdict.found
 

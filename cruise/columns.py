@@ -15,7 +15,7 @@ import numpy.typing as npt
 from cruise.grid import typical_step
 from cruise.recording import MIN_SAMPLES, Readings, Recording, RecordingError, listed, on_grid
 from cruise.sampling import FloatArray, stale_after
-from cruise.signals import INPUT, OUTPUT
+from cruise.signals import CONTEXT, INPUT, OUTPUT, SIGNALS
 
 TIME: Final = "time_s"
 MAX_STEP_S: Final = 3.0  # no prediction that is judged 3 s ahead can be made from rarer readings
@@ -64,10 +64,14 @@ def tabulated(
     `place` names a row (from 0), `header` where the columns have their names, for the RecordingError of a table that
     can't be used.
     """
-    time, current, speed = _roles(header, raw, settings, (settings.time, settings.input, settings.output))
     said = list(notes)
+    wanted = (_time_of(raw, settings, said), settings.input, settings.output)
+    time, current, speed = _roles(header, raw, settings, wanted)
     time_s = _scaled(raw[time], settings.columns.get(time))
-    keep = _usable_rows(source, time_s, place, said)
+    if time.endswith("_ms") and time not in settings.columns:
+        time_s = 1e-3 * time_s
+        said.append(f"{time}: read as ms; columns: {{{time}: {{scale: 1}}}} in the file of --columns takes it as s")
+    keep = _usable_rows(source, time, time_s, place, said)
     time_s = time_s[keep]
     columns = {name: Readings(time_s, values[keep]) for name, values in raw.items() if name != time}
     signals = _signals(source, columns, current, speed, settings, said, ("rows", "cells hold no number, not measured"))
@@ -101,6 +105,16 @@ def arranged(
     return on_grid(max(measured.values(), key=typical_step), signals, dt_s, source, tuple(said))
 
 
+def _time_of(names: Collection[str], settings: RecordingSettings, notes: list[str]) -> str:
+    """Return the name of the time: where nobody has said it and there is no time_s, the one column that sounds so."""
+    sounding = [name for name in names if "time" in name.lower()]
+    said = settings.time != TIME or any(one.signal == TIME for one in settings.columns.values())
+    if said or TIME in names or len(sounding) != 1 or sounding[0] in (settings.input, settings.output):
+        return settings.time
+    notes.append(f"{sounding[0]}: taken as the time; time: NAME in the file of --columns takes another column")
+    return sounding[0]
+
+
 def _rising(name: str, readings: Readings, notes: list[str]) -> Readings:
     """Return the readings that are newer than all before them; of those with one time the last one holds."""
     time_s = readings.time_s
@@ -127,6 +141,21 @@ def _roles(where: str, names: Collection[str], settings: RecordingSettings, want
     return tuple(found)
 
 
+def _unknown_notes(settings: RecordingSettings) -> list[str]:
+    """Return a note on each signal that columns are said to be and that there is none of."""
+    said = ((column, one.signal) for column, one in settings.columns.items() if one.signal is not None)
+    unknown = [(column, signal) for column, signal in said if signal not in SIGNALS]
+    return [
+        f"{column}: {signal!r} is no signal that cruise knows, so that no effect can use it; {_meant(signal)}"
+        for column, signal in unknown
+    ]
+
+
+def _meant(signal: str) -> str:
+    near = difflib.get_close_matches(signal, CONTEXT, n=1)
+    return f"did you mean {near[0]}?" if near else f"known are {', '.join(CONTEXT)}"
+
+
 def _signals(
     source: str,
     columns: Mapping[str, Readings],
@@ -138,6 +167,7 @@ def _signals(
 ) -> dict[str, Readings]:
     """Return the columns under the names and in the units of this project, the input gated."""
     of_what, not_measured = words
+    notes.extend(_unknown_notes(settings))
     signals: dict[str, Readings] = {}
     for name, readings in columns.items():
         signal = INPUT if name == current else OUTPUT if name == speed else _signal_of(name, settings)
@@ -217,7 +247,7 @@ def _scaled(values: FloatArray, settings: ColumnSettings | None) -> FloatArray:
 
 
 def _usable_rows(
-    source: str, time_s: FloatArray, place: Callable[[int], str], notes: list[str]
+    source: str, time: str, time_s: FloatArray, place: Callable[[int], str], notes: list[str]
 ) -> npt.NDArray[np.intp]:
     """Return the indices of the rows that have a time of their own; raise where time runs backwards."""
     timed = np.flatnonzero(~np.isnan(time_s))
@@ -244,7 +274,7 @@ def _usable_rows(
     if step_s > MAX_STEP_S:
         raise RecordingError(
             f"{source}: one row every {step_s:.4g} s is too few to see a drive move; times in ms get a scale in the "
-            "file of --columns, under the column's own name: columns: {time_s: {scale: 0.001}}"
+            f"file of --columns: columns: {{{time}: {{scale: 0.001}}}}"
         )
     return kept
 

@@ -226,7 +226,9 @@ def _own(node: yaml.Node, type_: Any, key: str) -> Iterator[tuple[int, str]]:
         msgspec.convert(value, type_)
     except msgspec.ValidationError as error:
         problem = str(error).partition(" - at `$")[0].partition(", got ")[0].replace("`", "")
-        if problem.startswith(("Expected", "Invalid")):
+        if choices := _choices(type_):
+            problem = f"expected one of {', '.join(choices)}, got {_shown(node)}"
+        elif problem.startswith(("Expected", "Invalid")):
             problem = f"{problem[0].lower()}{problem[1:]}, got {_shown(node)}"
         yield _line(node), _prefixed(key, problem + _remedy(value, type_))
 
@@ -288,13 +290,13 @@ def _repeated_keys(node: yaml.MappingNode, key: str) -> Iterator[tuple[int, str]
 
 def _remedy(value: Any, type_: Any) -> str:
     """Return what to do about a `value` that is not a `type_`, or nothing where the expectation says it all."""
-    tagged = {str(struct.__struct_config__.tag): struct.__struct_config__ for struct in _structs(type_)}
+    configs = [struct.__struct_config__ for struct in _structs(type_)]
+    tagged = {str(config.tag): config for config in configs if config.tag is not None}
     if isinstance(value, dict) and tagged:
         tag_field = next(iter(tagged.values())).tag_field
         return f"; {tag_field}: {_nearest(str(value.get(tag_field)), tagged, 'one of')}"
-    choices = _choices(type_)
-    if choices:
-        return f"; {_nearest(str(value), choices, 'one of')}"
+    if near := difflib.get_close_matches(str(value), _choices(type_), n=1):
+        return f"; did you mean {near[0]}?"
     types = {_type_name(member) for member in typing.get_args(type_) or (type_,)} | {_type_name(type_)}
     if isinstance(value, str) and "bool" in types:
         return "; write true or false"

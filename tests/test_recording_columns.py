@@ -39,6 +39,26 @@ def test_a_current_under_another_name_is_taken_as_it_is(tmp_path):
     assert read.input[-1] == 800.0
 
 
+def test_the_one_column_that_sounds_like_a_time_is_it_and_ms_are_read_as_such(tmp_path):
+    rows = [f"{100 * k},{20 * k},{k / 10},{k}" for k in range(41)]
+    read = read_csv(csv_of(tmp_path, rows, "timestamp_ms,pump_current_ma,ground_speed_mps,frame"), PLAIN)
+    assert read.dt_s == pytest.approx(0.1)
+    assert [note.partition(":")[0] for note in read.notes] == ["timestamp_ms", "timestamp_ms"]
+    in_s = RecordingSettings(columns={"timestamp_ms": ColumnSettings(scale=1e-3)})
+    assert len(read_csv(csv_of(tmp_path, rows, "timestamp_ms,pump_current_ma,ground_speed_mps,frame"), in_s).notes) == 1
+    with pytest.raises(RecordingError, match="no column 'time_s' for time"):
+        read_csv(csv_of(tmp_path, rows, "time_ms,pump_current_ma,ground_speed_mps,gps_time"), PLAIN)
+
+
+def test_a_signal_that_there_is_none_of_is_said(tmp_path):
+    rows = [f"{0.1 * k:.1f},{20 * k},{k / 10},{k},{k}" for k in range(41)]
+    file = csv_of(tmp_path, rows, "time_s,pump_current_ma,ground_speed_mps,a,b")
+    columns = {"a": ColumnSettings(signal="engine_sped_rpm"), "b": ColumnSettings(signal="slope")}
+    first, second = read_csv(file, RecordingSettings(columns=columns)).notes
+    assert "did you mean engine_speed_rpm?" in first
+    assert "known are wheel_speed_mps, engine_speed_rpm, gear, pitch_deg" in second
+
+
 def test_columns_are_named_scaled_and_gated(tmp_path):
     settings = RecordingSettings(
         time="ms",

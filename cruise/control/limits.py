@@ -9,7 +9,7 @@ from typing import Annotated
 
 import msgspec
 
-Current = Annotated[float, msgspec.Meta(gt=0, le=2000)]  # mA; no coil of this class takes more
+Current = Annotated[float, msgspec.Meta(ge=100, le=2000)]  # mA; no coil of this class takes more, and 1.2 is in A
 Rate = Annotated[float, msgspec.Meta(gt=0, le=2400)]  # mA/s; full stroke in half a second
 
 

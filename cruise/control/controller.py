@@ -21,7 +21,7 @@ import numpy as np
 from cruise.control.frame_model import at_period
 from cruise.control.inversion import Inversion, InversionSettings
 from cruise.control.limits import Limits, LimitSettings
-from cruise.control.observer import DisturbanceObserver, ObserverSettings, nearest
+from cruise.control.observer import DisturbanceObserver, ObserverSettings, rounded
 from cruise.control.power import PowerGuard, PowerSettings
 from cruise.control.predictive import Bounds, Now, Plan, PredictiveSettings, Programme
 from cruise.control.reference import Reference, ReferenceSettings
@@ -35,6 +35,7 @@ from cruise.model.model import Model, ModelState
 from cruise.settings import Positive, SettingsError
 from cruise.signals import OUTPUT, Sample
 
+LAW_STEPS = 20.0  # per factor e, of poles and paces: those that differ by less share one programme
 POWER = ("engine_load_pct", "engine_speed_rpm", "line_pressure_bar")
 
 
@@ -185,7 +186,7 @@ class Controller:
         (self._pole,), b, *_ = fast.split(fast.theta)
         self._gain = fast.dc_gain_mps_per_ma
         self._share = np.array(b) / sum(b)
-        self._programmes: dict[tuple[float, float], Programme] = {}
+        self._programmes: dict[tuple[int, int], Programme] = {}
         share = next((effect.acceleration_share for effect in model.effects if isinstance(effect, Grade)), None)
         if share != (self.slope and self.slope.acceleration_share):
             self.slope = (
@@ -273,11 +274,11 @@ class Controller:
     def _programme(self, state: ModelState) -> Programme:
         """The law for the pole that the drive is about to have, in its gear, made when it is met first."""
         pole = self.observer.pole(self.pole, self._stroke_yielding(state.drives[:1] * len(state.drives)))
-        key = pole, pace = nearest(pole, self.pace)
+        key = rounded(pole, self.pace, LAW_STEPS)
         found = self._programmes.get(key)
         if found is None:
             settings = self.settings.predictive
-            found = Programme(pole, self._share, self.model.delay, self.shaper, self.frame_s, settings, pace)
+            found = Programme(pole, self._share, self.model.delay, self.shaper, self.frame_s, settings, self.pace)
             self._programmes[key] = found
         return found
 

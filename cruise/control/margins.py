@@ -27,7 +27,7 @@ from numpy.polynomial.polynomial import polyval
 
 from cruise.control.controller import ControlSettings
 from cruise.control.frame_model import at_period
-from cruise.control.observer import SEEN, DisturbanceObserver, nearest
+from cruise.control.observer import SEEN, DisturbanceObserver
 from cruise.control.predictive import Bounds, Now, Programme
 from cruise.control.shaping import CommandShaper
 from cruise.model.model import Model
@@ -111,10 +111,9 @@ class Law:
         drive = Drive(model, frame_s, pace, yielding)
         pole, depth, order = drive.pole, drive.delay + len(drive.response), settings.shaping_order
         shaper = CommandShaper(settings.shaping_hz, order, frame_s)
-        made_for, of_gear = nearest(pole, min(pace, 1.0))
-        law = Programme(made_for, drive.response, drive.delay, shaper, frame_s, settings.predictive, of_gear)
+        law = Programme(pole, drive.response, drive.delay, shaper, frame_s, settings.predictive, min(pace, 1.0))
         move, share = FirstMove.of(law, depth, order), shaper.share
-        seen = DisturbanceObserver(frame_s, settings.observer).filter(*nearest(drive.usual_pole, min(pace, 1.0)))
+        seen = DisturbanceObserver(frame_s, settings.observer).filter(drive.usual_pole, min(pace, 1.0))
         moves = seen.moves.copy()
         moves[0, :2] = pole, 1.0 - pole
         gain = seen.gain + hill * (seen.hill_gain - seen.gain)  # K

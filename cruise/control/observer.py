@@ -12,7 +12,7 @@ y speed in m/s, A pole of the vehicle over a frame and alpha the pace by which a
 m/s that drive and loads give by the model, d disturbance in m/s of steady speed, r ripple in m/s that the sensor shows
 and the machine, heavy as it is, does not follow: lugs of the tyres, slack and swinging of the drive train (omega in
 rad/s, zeta damping, q its way in m), e innovation. A Kalman filter (filterpy) in its steady state: its gain, K_0, is
-found once for each gear (`nearest`). Filtering a ripple where it is measured costs less than in the command: the way
+found once for each gear (`rounded`). Filtering a ripple where it is measured costs less than in the command: the way
 from the reference, and from what is fed forward, to the command stays as it is. While s changes at a rate s', a model
 that answers some hundredths of a second too early or late, or with a pole that is wrong, errs by that rate times its
 error in time: what doesn't fit is then no disturbance, and would be an overshoot if it were taken for one. With d in
@@ -79,16 +79,14 @@ class ObserverSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
 CHANCE_STD: Final = 0.5  # of m if e were noise, sqrt(V): most of the filter's noise is ripple, which does not last
 LASTING_S: Final = 2.0  # s after which an innovation has lasted: a turn is over, a hill is not
 MOST_FILTERS: Final = 16  # kept: the gears of the model that drives, and of a few before it
-PACE_STEPS: Final = 20.0  # per factor e, of 1 - A and of alpha: what differs by less shares a filter, and a law
+FILTER_STEPS: Final = 100.0  # per factor e, of 1 - A and of alpha: what differs by less shares a filter
 SLOWEST: Final = 1e-6  # least 1 - A
 SEEN: Final = np.array([1.0, 0.0, 0.0, 1.0])  # the speed sensor shows y + r
 
 
-def nearest(pole: float, pace: float) -> tuple[float, float]:
-    """The pole and the pace nearest to these for which a filter, or a law, is made: oil or load may move both."""
-    shares = (max(1.0 - pole, SLOWEST), pace)
-    share, pace = (math.exp(round(PACE_STEPS * math.log(one)) / PACE_STEPS) for one in shares)
-    return 1.0 - share, pace
+def rounded(pole: float, pace: float, steps: float = FILTER_STEPS) -> tuple[int, int]:
+    """What a filter, or a law, is kept under, made for the first such pole and pace: oil or load may move both."""
+    return round(steps * math.log(max(1.0 - pole, SLOWEST))), round(steps * math.log(pace))
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +118,7 @@ class DisturbanceObserver:
         self._width_kept = math.exp(-frame_s / settings.width_s)
         self._lasting_share = -math.expm1(-frame_s / LASTING_S)
         self.width_share, self.width_variance = 1.0, settings.width_share**2
-        self._filters: dict[tuple[float, float], Filter] = {}
+        self._filters: dict[tuple[int, int], Filter] = {}
         self.reset(0.0)
 
     def reset(self, speed_mps: float) -> None:
@@ -189,12 +187,12 @@ class DisturbanceObserver:
 
     def _usual(self, pole: float, pace: float) -> Filter:
         """The filter of a gear, made when it is met first."""
-        key = nearest(pole, pace)
+        key = rounded(pole, pace)
         found = self._filters.get(key)
         if found is None:
             if len(self._filters) == MOST_FILTERS:
                 del self._filters[next(iter(self._filters))]
-            found = self._filters[key] = self.filter(*key)
+            found = self._filters[key] = self.filter(pole, pace)
         return found
 
     def _hill_share(self, variance_mps2: float) -> float:

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cruise.control.observer import nearest
 from cruise.effects.grade import Grade
 from cruise.model.model import Model
 from cruise.signals import Sample
@@ -72,7 +71,7 @@ def test_the_observer_knows_the_pace_of_a_gear():
     controller, pace = loop.controller, (2.5 / 7.5) ** 2
     before_mps = controller.observer.disturbance_mps
     controller.step(replace(loop.sample, speed_mps=loop.sample.speed_mps + 0.05), None)
-    gain = controller.observer.filter(*nearest(controller.pole, pace)).gain[1]
+    gain = controller.observer.filter(controller.pole, pace).gain[1]
     learned_mps = controller.observer.disturbance_mps - before_mps
     assert learned_mps == pytest.approx(gain * controller.observer.calm * controller.observer.innovation_mps, rel=1e-3)
 

@@ -9,7 +9,7 @@ import pytest
 
 from cruise.control.controller import Controller, ControlSettings
 from cruise.control.margins import Drive, FirstMove, Law
-from cruise.control.observer import DisturbanceObserver, nearest
+from cruise.control.observer import DisturbanceObserver
 from cruise.control.predictive import Programme
 from cruise.control.shaping import CommandShaper
 from cruise.effects.gear_ratio import GearRatio
@@ -46,12 +46,10 @@ def written_out(model, machine, pace, hill=0.0):
     """Controller and machine as they step, frame by frame, in python-control; the loop is opened at the machine."""
     own, other = Drive(model, FRAME_S, pace), Drive(machine, FRAME_S, pace)
     shaper = CommandShaper(SETTINGS.shaping_hz, SETTINGS.shaping_order, FRAME_S)
-    made_for, of_gear = nearest(own.pole, pace)
-    law = Programme(made_for, own.response, own.delay, shaper, FRAME_S, SETTINGS.predictive, of_gear)
+    law = Programme(own.pole, own.response, own.delay, shaper, FRAME_S, SETTINGS.predictive, pace)
     depth, order = own.delay + len(own.response), SETTINGS.shaping_order
     move = FirstMove.of(law, depth, order)
-    seen = DisturbanceObserver(FRAME_S, SETTINGS.observer).filter(made_for, of_gear)
-    seen.moves[0, :2] = own.pole, 1.0 - own.pole
+    seen = DisturbanceObserver(FRAME_S, SETTINGS.observer).filter(own.pole, pace)
     gain = seen.gain + hill * (seen.hill_gain - seen.gain)
 
     def controller(state, speed):

@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag, expm, solve_discrete_are
 
-from cruise.control.observer import CHANCE_STD, MOST_FILTERS, PACE_STEPS, DisturbanceObserver, ObserverSettings, nearest
+from cruise.control.observer import (
+    CHANCE_STD,
+    FILTER_STEPS,
+    MOST_FILTERS,
+    DisturbanceObserver,
+    ObserverSettings,
+    rounded,
+)
 from tests.control.observing import FRAME_S, HIGH_PACE, HIGH_POLE, POLE
 
 
@@ -75,7 +82,7 @@ def test_what_lasts_of_the_innovations_is_a_hill_as_far_as_it_is_more_than_chanc
     rng = np.random.default_rng(3)
     observer = DisturbanceObserver(FRAME_S, ObserverSettings())
     observer.reset(3.0)
-    found, shares = observer.filter(*nearest(HIGH_POLE, HIGH_PACE)), []
+    found, shares = observer.filter(HIGH_POLE, HIGH_PACE), []
     for k in range(400):
         before = observer.disturbance_mps
         lasting = 0.05 if k >= 200 else 0.0
@@ -116,7 +123,7 @@ def test_while_the_drive_changes_less_of_an_innovation_is_a_disturbance(rate_mps
         steady += rate_mps2 * FRAME_S
     expected = POLE * observer.speed_mps + (1.0 - POLE) * steady
     observer.step(POLE, steady, expected + 0.01)
-    speed_gain, disturbance_gain, *_ = observer.filter(*nearest(POLE, 1.0)).gain
+    speed_gain, disturbance_gain, *_ = observer.filter(POLE).gain
     assert observer.disturbance_mps == pytest.approx(share * disturbance_gain * 0.01, rel=0.12)
     assert observer.speed_mps == pytest.approx(expected + speed_gain * 0.01)
 
@@ -187,7 +194,7 @@ def test_models_that_drove_before_leave_no_memory_behind():
     for k in range(5 * MOST_FILTERS):
         observer.step(0.1 + 0.01 * k, 1.0, 1.0)
     assert len(observer._filters) == MOST_FILTERS
-    assert nearest(0.1 + 0.01 * (5 * MOST_FILTERS - 1), 1.0) in observer._filters, "the oldest go first"
+    assert rounded(0.1 + 0.01 * (5 * MOST_FILTERS - 1), 1.0) in observer._filters, "the oldest go first"
 
 
 def test_a_pole_that_drifts_asks_for_few_filters(monkeypatch):
@@ -198,6 +205,6 @@ def test_a_pole_that_drifts_asks_for_few_filters(monkeypatch):
     for k in range(400):
         pace = math.exp(-1e-3 * k)  # warm oil, by a third
         observer.step(1.0 - pace * (1.0 - POLE), 1.0, 1.0, pace)
-    assert len(solved) <= 2 * 0.4 * PACE_STEPS + 2
+    assert len(solved) <= 2 * 0.4 * FILTER_STEPS + 2
     for pole, pace in solved:
-        assert abs(math.log((1.0 - pole) / (pace * (1.0 - POLE)))) <= 1.0 / PACE_STEPS
+        assert abs(math.log((1.0 - pole) / (pace * (1.0 - POLE)))) <= 1.0 / FILTER_STEPS

@@ -159,6 +159,21 @@ def test_without_redundancy_the_trial_says_silent_failure():
     assert found.failed
 
 
+class Ends(Fault):
+    """Something of the service is gone, and it does not catch that."""
+
+    def begin(self, bed: Bed) -> None:
+        del bed.node.pace
+
+
+def test_a_service_that_ends_by_an_exception_has_detected_nothing():
+    plan = Plan(replace(FAULTS["CCVS lost"], make=lambda rng: Ends()), 1, manoeuvre(1).engage_s + 2.0, math.inf)
+    found = trial.run(plan)
+    assert found.crashed
+    assert found.failed
+    assert {figure.key: figure for figure in scores.figures([found])}["crashed"].verdict == "missed"
+
+
 def test_a_service_that_commands_after_its_exit_fails():
     plan = Plan.of(FAULTS["CCVS lost"], 3)
     bed = trial.driven(plan)

@@ -58,6 +58,7 @@ def figures(outcomes: Sequence[Outcome]) -> list[Figure]:
         Figure("trials", len(outcomes), "1", "trials", at_least=LEAST_TRIALS),
         Figure("silent", count["silent"], "1", "silent failures", 0.0),
         Figure("active_after", sum(one.active_after for one in outcomes), "1", "trials with a command after exit", 0.0),
+        Figure("crashed", sum(one.crashed for one in outcomes), "1", "service ended by an exception", 0.0),
         Figure("detected", len(detected), "1", "detected"),
         Figure("refused", count["refused"], "1", "not engaged, because of the fault"),
         Figure("timeouts", len(slowness), "1", "time-outs that had to act"),

@@ -43,6 +43,7 @@ class Outcome:
     overspeed_mps: float
     accel_mps2: float
     active_after: bool  # a command after the exit
+    crashed: bool = False  # the service was ended by an exception, and not because it refused to start
 
     @property
     def in_time(self) -> bool:
@@ -58,7 +59,7 @@ class Outcome:
     @property
     def failed(self) -> bool:
         """Whether anything here must not be."""
-        return self.verdict == "silent" or self.active_after or not self.in_time
+        return self.verdict == "silent" or self.active_after or self.crashed or not self.in_time
 
     def as_json(self) -> dict[str, Any]:
         """By name; NaN becomes None."""
@@ -130,7 +131,7 @@ def judge(plan: Plan, bed: Bed) -> Outcome:
     active_after = any(active and time_s > bed.left_s - 1e-6 for time_s, active, _ in bed.commands)
     return Outcome(
         plan.row.name, plan.seed, plan.from_s, plan.to_s, verdict, how, exit_s - plan.from_s if within else math.nan,
-        silence_s, overspeed_mps, accel_mps2, active_after,
+        silence_s, overspeed_mps, accel_mps2, active_after, bool(bed.died) and not plan.row.from_start,
     )  # fmt: skip
 
 

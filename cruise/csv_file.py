@@ -54,10 +54,13 @@ def write_csv(recording: Recording, path: str | Path) -> None:
     """Write a recording as CSV, in full precision; a value that was not measured is an empty cell."""
     names = list(recording.columns)
     table = np.column_stack([recording.time_s, *(recording.columns[name] for name in names)]).tolist()
-    with Path(path).open("w", encoding="utf-8", newline="") as stream:
+    whole = Path(path)
+    part = whole.with_name(f".{whole.name}.part")  # half a table would look like a whole, shorter one
+    with part.open("w", encoding="utf-8", newline="") as stream:
         writer = csv.writer(stream)
         writer.writerow([TIME, *names])
         writer.writerows([["" if value != value else value for value in row] for row in table])
+    part.replace(whole)
 
 
 def _lines(path: str | Path) -> list[str]:

@@ -103,7 +103,10 @@ class Recording:
 
 def resample(recording: Recording, dt_s: float) -> Recording:
     """Return `recording` on a grid of `dt_s`, by the same rules as a file is read with; means are held over theirs."""
-    columns = {name: Readings(recording.since_s, values) for name, values in recording.columns.items()}
+    columns = {
+        name: Readings(recording.time_s if kind_of(name) is Kind.STATE else recording.since_s, values)
+        for name, values in recording.columns.items()
+    }
     resampled = on_grid(recording.since_s, columns, dt_s, recording.source, recording.notes, held=recording.averaged)
     return replace(resampled, stamps_s=recording.stamps_s)
 
@@ -151,7 +154,9 @@ def on_grid(
             gridded[name] = np.full(len(grid_s), np.nan)
             continue
         times, known = snapped(readings.time_s[measured], start_s, dt_s), readings.values[measured]
-        step_s, kind = typical_step(times), Kind.HELD if held else kind_of(name)
+        step_s, kind = typical_step(times), kind_of(name)
+        if held and kind is not Kind.STATE:
+            kind = Kind.HELD
         if averaged:
             gridded[name] = means(times, known, grid_s, dt_s, kind, stale_after(step_s))
         elif dt_s > COARSER * step_s and kind is not Kind.STATE:

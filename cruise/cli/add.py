@@ -3,7 +3,6 @@
 import difflib
 import json
 import math
-import tempfile
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
@@ -15,7 +14,6 @@ from rich.console import Console
 from rich.table import Table
 
 from cruise import settings
-from cruise.cli.identify import MODEL_FILES
 from cruise.cli.reading import (
     NOTES_SHOWN,
     AsJson,
@@ -29,9 +27,9 @@ from cruise.cli.reading import (
     above_zero,
     columns_of,
     count_of,
-    destination,
     prepared_by,
     tables,
+    writable,
 )
 from cruise.effects import EFFECTS, Custom
 from cruise.effects.expression import ExpressionError
@@ -87,16 +85,6 @@ def add(
         print(json.dumps(said, indent=2))
     else:
         _print(model, study, added, floor, fitted, out)
-
-
-def writable(option: str, path: Path) -> None:
-    """SettingsError where no model file can be written: found out before the fit, so that none is lost."""
-    destination(option, path, MODEL_FILES)
-    try:
-        with tempfile.TemporaryFile(dir=path.parent):
-            pass
-    except OSError as error:
-        raise SettingsError(f"{option} {path}: can't be written: {error.strerror}") from error
 
 
 def report(model: str, study: Study, added: Added, floor: NoiseFloor, fitted: list[Parameter]) -> dict[str, Any]:

@@ -19,6 +19,7 @@ from cruise import settings as strict
 from cruise.can.bus import open_bus
 from cruise.can.codec import Codec
 from cruise.cli.places import CONFIG, OUT
+from cruise.cli.reading import writable
 from cruise.cli.run import Running
 from cruise.control.commissioning import CommissioningSettings, Experiment
 from cruise.control.excitation import Multisine
@@ -65,6 +66,7 @@ def experiment(
         return
     chosen = _chosen(known, name, file)
     path = out or OUT / f"{name}.csv"
+    writable("--out", path, (".csv",))
     own = {"machine_mass_kg": mass, "grade_deg": slope, "gear": gear, "engine_speed_rpm": rpm}
     given = {key: value for key, value in own.items() if value is not None}
     if real:
@@ -157,7 +159,6 @@ def _table(known: Mapping[str, Experiment]) -> Table:
 
 
 def _finish(recording: Recording, path: Path, ended_by: str) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
     write_csv(recording, path)
     lost = int(np.sum(np.isnan(recording.input) | np.isnan(recording.output)))
     print(f"{recording.source}")

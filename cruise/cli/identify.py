@@ -32,6 +32,7 @@ from cruise.cli.reading import (
     destination,
     prepared_by,
     tables,
+    writable,
 )
 from cruise.effects import Parameter
 from cruise.identification.accuracy import Accuracy
@@ -45,7 +46,6 @@ from cruise.model import files
 from cruise.model.files import Provenance
 from cruise.recording import notes_of
 
-MODEL_FILES = (".yaml", ".yml")
 LEAST_SHOWN_PCT = -999.9  # below it a prediction is nonsense, and its digits are noise
 
 
@@ -74,7 +74,7 @@ def identify(
     above_zero("--horizon", horizon)
     destination("--picture", picture, PICTURES)
     if out is not None:
-        destination("--out", out, MODEL_FILES)
+        writable("--out", out)
     read = tables(recordings, columns_of(columns, input_name, output_name, database))
     with console.status("reading") as status:
         found = fit(structure, read, preparation, start, horizon, status.update)

@@ -12,8 +12,7 @@ from rich.table import Table
 
 from cruise import settings
 from cruise.cli import ladder_picture
-from cruise.cli.add import writable
-from cruise.cli.reading import PICTURES, AsJson, destination
+from cruise.cli.reading import PICTURES, AsJson, destination, writable
 from cruise.model import files
 from cruise.model.files import Step
 from cruise.model.history import history_of, undone

@@ -1,6 +1,7 @@
 """How the verbs that look at recordings read them, which model they mean, and what they are told in numbers."""
 
 import math
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
@@ -17,6 +18,7 @@ from cruise.service.recordings import ReadingSettings, read_recording
 from cruise.settings import SettingsError
 
 PICTURES = (".png", ".svg", ".pdf")
+MODEL_FILES = (".yaml", ".yml")
 NOTES_SHOWN = 5  # of the recordings; forty files have forty alike
 
 Recordings = Annotated[
@@ -90,6 +92,16 @@ def destination(option: str, path: Path, endings: Sequence[str]) -> Path:
     if path.is_dir():
         raise SettingsError(f"{option} {path}: is a folder; give the name of a file")
     return path
+
+
+def writable(option: str, path: Path, endings: Sequence[str] = MODEL_FILES) -> None:
+    """SettingsError where no such file can be written: found out before the fit, or the drive, so that none is lost."""
+    destination(option, path, endings)
+    try:
+        with tempfile.TemporaryFile(dir=path.parent):
+            pass
+    except OSError as error:
+        raise SettingsError(f"{option} {path}: can't be written: {error.strerror}") from error
 
 
 def count_of(number: int, thing: str) -> str:

@@ -36,7 +36,7 @@ def workbench(
         if (error.name or "").startswith("cruise"):
             raise
         raise SettingsError(
-            f"workbench: {error.name} is not installed; run pip install 'cruise-control-combine[workbench]'"
+            f"workbench: {error.name} is not installed; run pip install '.[workbench]' in the checkout"
         ) from error
     from cruise.workbench.found import Question, Source
     from cruise.workbench.session import MODEL, Session, Step

@@ -17,6 +17,7 @@ from cruise.validation.search import Judged, sureness
 from cruise.validation.tried import LEAST_GAIN, LOOSE, Tried, step_of, tried_in
 from cruise.validation.unnamed import RestCurrent
 
+DOUBTFUL: Final = 0.5  # confidence below which an effect may be missing, rather than is
 DISCOUNTED: Final = "for its signal answers to the drive itself, or the line pressure speaks against it"
 """Why not all of an effect's evidence counts."""
 
@@ -29,11 +30,12 @@ def sentence(found: Diagnosis) -> str:
     match found.verdict:
         case Verdict.MISSING:
             names, one = _all(found.effects), len(found.effects) == 1
+            are = "may be" if found.confidence < DOUBTFUL else "is" if one else "are"
             after = _error(found.final)
             if found.left.dead_time is not None:
                 return _changing(found, found.left.dead_time, sure)
             return (
-                f"{names} {'is' if one else 'are'} missing: with {'it' if one else 'them'} the error {horizon} falls "
+                f"{names} {are} missing: with {'it' if one else 'them'} the error {horizon} falls "
                 f"from {before} to {after} m/s on data that the fit has not seen {sure}.{_rest(found)}{_beside(found)}"
             )
         case Verdict.NOTHING:

@@ -98,8 +98,12 @@ def judge(taught: Replayed, unseen: Sequence[Recording], horizon_s: float = 3.0)
     """The online model beside batch least squares on the same samples, the factory model and persistence."""
     factory = taught.node.estimator.factory
     horizon = max(round(horizon_s / factory.period_s), 1)
-    held = np.concatenate([one.output[horizon:] - one.output[:-horizon] for one in unseen if len(one) > horizon])
+    changes = [one.output[horizon:] - one.output[:-horizon] for one in unseen if len(one) > horizon]
+    held = np.concatenate([np.zeros(0), *changes])
     held = held[np.isfinite(held)]
+    if not held.size:
+        seconds = sum(len(one) for one in unseen) * factory.period_s
+        raise RecordingError(f"--test: {seconds:.1f} s are too short to judge {horizon_s:g} s ahead; drive a minute")
     return Judged(
         online_mps=ahead_rms_mps(taught.node.estimator.snapshot(), unseen, horizon_s),
         batch_mps=ahead_rms_mps(fit(factory, taught.recordings), unseen, horizon_s),

@@ -54,11 +54,16 @@ class Workbench:
         if known is None:
             known = Session(self.setup)
             self.begin(known)
-            idle = [name for name, one in self.sessions.items() if not one.busy]
+            idle = [name for name, one in self.sessions.items() if not one.busy and not one.pages]
             if len(self.sessions) >= SESSIONS and idle:
                 self.sessions.pop(idle[0]).close()
         self.sessions[tab] = known
         return known
+
+    def poll(self) -> None:
+        """Take in what the jobs of all sessions say, of those too whose tab was closed."""
+        for session in list(self.sessions.values()):
+            session.poll()
 
     def close(self) -> None:
         """Stop everything that is under way, and leave no file behind."""
@@ -74,6 +79,8 @@ class Workbench:
         if tab is None:  # whoever asked runs no script
             return
         session = self.session(tab)
+        session.pages += 1
+        ui.context.client.on_delete(session.left)
         ui.run_javascript(theme.RESIZE)
         page = Page(session, self.setup, self.live, ui.context.client)
         if session.dark is None:
@@ -119,7 +126,6 @@ class Workbench:
 
         def poll() -> None:
             nonlocal seen
-            session.poll()
             if session.version != seen:
                 seen = session.version
                 if session.fresh and page.path == "/":
@@ -208,6 +214,7 @@ def serve(workbench: Workbench, host: str, port: int, token: str, show: bool) ->
     jobs.prepare([verbs.__name__])
     guarded(token, workbench.setup.upload_bytes)
     app.on_shutdown(workbench.close)
+    app.timer(POLL_S, workbench.poll)
     ui.run(
         workbench.root,
         host=host,

@@ -106,7 +106,8 @@ def minute(found: Diagnosis, final: Judged) -> Minute:
         Verdict.MISSING: " and ".join(found.worth_adding),
         Verdict.AMBIGUOUS: found.effects[0] if found.effects else "",
     }
-    best = found.steps[0].tried[0].name.removeprefix(UNNAMED) if found.steps[0].tried else ""
+    tried = found.steps[0].tried
+    best = ", ".join(found.signals) or (tried[0].name.removeprefix(UNNAMED) if tried else "")
     return Minute(
         time_s=recording.time_s[stretch.start - first : stretch.stop - first],
         measured_mps=measured,

@@ -27,6 +27,7 @@ from cruise.service.course import Drive, FieldRow, OperatorRow
 from cruise.service.cruise_node import CruiseNode, Status
 from cruise.service.demo import Result
 from cruise.service.loop import serve
+from cruise.service.settings import CruiseSettings
 
 KEPT_S: Final = 900.0  # s that are shown and can be diagnosed
 EVERY_S: Final = 0.2  # s between two rows: the period of the model
@@ -65,11 +66,11 @@ class Live:
         self.status: Status | None = None
         self.rows: deque[Row] = deque(maxlen=round(KEPT_S / EVERY_S))
         self.log: Path | None = None
-        self.model = ""  # file of the model that the service began with
+        self.settings: CruiseSettings | None = None  # of the service: its model, its database, its addresses
 
-    def begin(self, title: str, folder: Path, model: str) -> Path:
+    def begin(self, title: str, folder: Path, settings: CruiseSettings) -> Path:
         """A new watch: everything that was heard before is forgotten. Returns where the log of the bus goes."""
-        self.title, self.running, self.fault, self.status, self.model = title, True, "", None, model
+        self.title, self.running, self.fault, self.status, self.settings = title, True, "", None, settings
         self.rows.clear()
         folder.mkdir(parents=True, exist_ok=True)
         self.log = folder / "live.log"
@@ -139,7 +140,7 @@ def worse_since(rows: list[Row]) -> float | None:
 def watch_combine(live: Live, config: Path, folder: Path, pace: float) -> None:
     """The virtual combine, service and operator in this process, `pace` times as fast as the clock."""
     settings = service_settings.load(config / "cruise.yaml")
-    log = live.begin("the virtual combine", folder, str(settings.model))
+    log = live.begin("the virtual combine", folder, settings)
     drive = again_and_again(course.load(config / "demo.yaml"), ROUNDS)
 
     def show(now_s: float, result: Result) -> None:
@@ -157,7 +158,7 @@ def watch_combine(live: Live, config: Path, folder: Path, pace: float) -> None:
 def watch_bus(live: Live, config: Path, folder: Path) -> None:
     """The bus of the settings, where `cruise run` drives: a twin of the service listens and learns along."""
     settings = service_settings.load(config)
-    log = live.begin(f"{settings.can.bus} {settings.can.channel}", folder, str(settings.model))
+    log = live.begin(f"{settings.can.bus} {settings.can.channel}", folder, settings)
     node = CruiseNode.load(settings)
     node.plausibility = None  # the service on the bus sends what this node would, and does not contradict it
     twin = Twin(node, log)

@@ -11,8 +11,11 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from msgspec import structs
 
 from cruise.model.files import CustomTerm
+from cruise.service.recordings import ReadingSettings
+from cruise.service.settings import CruiseSettings
 from cruise.workbench import verbs
 from cruise.workbench.examples import Example, make
 from cruise.workbench.found import Added, Asked, Compared, Diagnosed, Opened, Predicted, Question, Show, Source
@@ -60,6 +63,7 @@ class Session:
     other: int | None = None  # step that is shown beside
     dark: bool | None = None
     files: int = 0  # written so far
+    pages: int = 0  # of browsers that show it now
     version: int = 0  # rises whenever there is more to see
     searching: bool = False  # what is missing is looked for as soon as the comparison is there
     fresh: bool = False  # a recording has just been opened, and nobody has seen it
@@ -79,6 +83,7 @@ class Session:
 
     def open(self, source: Source) -> None:
         """Read recordings and compare the first model with them."""
+        self.searching = False
         self._start(f"Opening {source.title}", verbs.opened, (source,), self._opened, self._ask)
 
     def ask_columns(self) -> None:
@@ -88,25 +93,31 @@ class Session:
 
     def open_example(self, example: Example) -> None:
         """Open a bundled recording; the virtual combine drives it first, where nobody has opened it before."""
+        self.searching = False
         self._start(f"Opening {example.title}", _example, (self.setup, example), self._opened)
 
-    def open_live(self, path: Path, model: str, seconds: float) -> None:
-        """Diagnose a service's model with the last `seconds` of its bus."""
+    def open_live(self, path: Path, service: CruiseSettings, seconds: float) -> None:
+        """Diagnose a service's model with the last `seconds` of its bus, read as the service reads it."""
 
         def done(found: Opened) -> None:
-            self.steps, self.searching = [Step("the service's model", Question(model))], True
+            self.steps, self.searching = [Step("the service's model", Question(str(service.model)))], True
             self._opened(found)
 
-        self._start("Opening what the bus said", _last, (self.setup, path, seconds), done)
+        reading = structs.replace(self.setup.reading, database=str(service.database), can=service.can)
+        self._start("Opening what the bus said", _last, (reading, path, seconds), done)
+
+    def left(self) -> None:
+        """A page that showed it is gone."""
+        self.pages -= 1
 
     def close(self) -> None:
         """Forget everything."""
         self.cancel()
         shutil.rmtree(self.folder, ignore_errors=True)
 
-    def ask(self, question: Question) -> None:
+    def ask(self, question: Question, name: str = "") -> None:
         """Begin again with another model, or another horizon."""
-        self.steps = [Step(Path(question.model).name, question)]
+        self.steps = [Step(name or Path(question.model).name, question)]
         self.at, self.cell, self.other = 0, None, None
         self.compare()
 
@@ -188,6 +199,7 @@ class Session:
 
     def cancel(self) -> None:
         """Stop the job under way; everything stays as it was before."""
+        self.searching = False
         if self.job is not None:
             self.job.cancel()
 
@@ -208,6 +220,7 @@ class Session:
         self.version += 1
         if job.fault:
             self.fault = "" if job.cancelled else job.fault
+            self.searching = False
             return
         self.fault = ""
         if self._then is not None:
@@ -234,8 +247,8 @@ class Session:
         self.recording, self.window = 0, None
         names = [name for name in found.recordings[0].context() if moves(found, name)]
         self.context = [name for name in names if name == "pitch_deg"] or names[:1]
-        question = self.steps[0].question if self.steps else Question(MODEL)
-        self.ask(question)
+        first = self.steps[0] if self.steps else Step("", Question(MODEL))
+        self.ask(first.question, first.name)
 
     def _stepped(self, found: Added) -> None:
         del self.steps[self.at + 1 :]
@@ -261,9 +274,9 @@ def _example(setup: Setup, example: Example, show: Show) -> Opened:
     return verbs.opened(Source((path,), setup.reading, example.title), show)
 
 
-def _last(setup: Setup, path: Path, seconds: float, show: Show) -> Opened:
+def _last(reading: ReadingSettings, path: Path, seconds: float, show: Show) -> Opened:
     """The end of a log of the bus."""
-    opened = verbs.opened(Source((path,), setup.reading, f"the last {seconds / 60:.0f} minutes"), show)
+    opened = verbs.opened(Source((path,), reading, f"the last {seconds / 60:.0f} minutes"), show)
     return replace(
         opened, recordings=tuple(one[-min(round(seconds / one.dt_s), len(one)) :] for one in opened.recordings)
     )

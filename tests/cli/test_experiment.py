@@ -77,6 +77,13 @@ def test_a_seed_and_a_rate_are_taken(tmp_path: Path):
     assert abs(one.input - other.input).max() > 100.0
 
 
+def test_where_nothing_can_be_written_nothing_is_driven(tmp_path: Path, monkeypatch):
+    monkeypatch.setattr(verb.service, "drive_on_bus", lambda *given, **named: pytest.fail("it drove"))
+    for path in (tmp_path, tmp_path / "a.txt"):
+        with pytest.raises(SettingsError, match="--out"):
+            run("white_noise_short", *SHORT, "--out", path)
+
+
 def test_one_that_ended_early_is_written_and_is_no_success(tmp_path: Path):
     path = tmp_path / "fast.csv"
     result = run("white_noise_short", "--seconds", 6, "--gear", 4, "--out", path)

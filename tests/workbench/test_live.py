@@ -104,7 +104,7 @@ def test_a_machine_that_changes_makes_the_model_worse_and_the_time_is_told(tmp_p
         operator=tuple(row for row in usual.operator if row.at_s < 70.0),
     )
     live = Live()
-    live.begin("made up", tmp_path, settings.model)
+    live.begin("made up", tmp_path, settings)
     demo.run(settings, plant, changed, SEED, changed.seconds, show=lambda now_s, result: live.see(now_s, result.node))
     rows = list(live.rows)
     assert worse_since([row for row in rows if row.time_s < CHANGE_S]) is None

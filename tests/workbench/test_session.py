@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 pytest.importorskip("nicegui", reason="the extra workbench is not installed")
 
@@ -14,12 +15,13 @@ from cruise.columns import ColumnSettings
 from cruise.effects import Custom, Stage
 from cruise.model import files
 from cruise.model.files import CustomTerm
+from cruise.service import settings as service_settings
 from cruise.service.recordings import ReadingSettings
 from cruise.workbench import commands, report
 from cruise.workbench.by_hand import changed, judged, settings_of
 from cruise.workbench.examples import EXAMPLES, drive
 from cruise.workbench.found import Opened, Question, Source
-from cruise.workbench.session import MODEL, Session, Step, moves
+from cruise.workbench.session import MODEL, SEARCH, Session, Step, moves
 from cruise.workbench.setup import Setup
 from cruise.workbench.verbs import added, by_hand, compared
 from cruise.workbench.views.adding import levels
@@ -106,6 +108,31 @@ def test_what_was_set_by_hand_is_a_model_file_that_every_verb_reads(recording, b
     assert file.core is not None
     assert file.core.loads_mps == {"grade": 0.2}
     assert kept.error_after_mps > kept.error_before_mps
+
+
+def test_only_what_a_service_was_watched_for_is_looked_for_unasked(session, tmp_path, monkeypatch):
+    """The search that a live log asks for does not wait for the next recording; the bus is read as the service's."""
+    opened, begun, read = session.opened, session.steps[0].compared, []
+
+    def start(title, function, arguments, then, part=None):
+        started.append(title)
+        read.extend(one for one in arguments if isinstance(one, ReadingSettings))
+        then(begun if "Comparing" in title else opened)
+
+    started = []
+    monkeypatch.setattr(session, "_start", start)
+    service = service_settings.load(CONFIG / "cruise.yaml")
+    other = structs.replace(service.can, addresses=structs.replace(service.can.addresses, machine=0x55))
+    session.open_live(tmp_path / "live.log", structs.replace(service, can=other), 900.0)
+    assert started[-1] == SEARCH
+    assert session.steps[0].name == "the service's model"
+    assert read[0].can == other
+    monkeypatch.setattr(session, "compare", lambda: None)  # stopped before it came so far
+    session.open_live(tmp_path / "live.log", service, 900.0)
+    monkeypatch.undo()
+    monkeypatch.setattr(session, "_start", start)
+    session.open(Source((tmp_path / "a.csv",), ReadingSettings(), "a"))
+    assert started[-1] == "Comparing the model with the recording"
 
 
 def test_stairs_are_of_held_out_errors_alone(session, better):

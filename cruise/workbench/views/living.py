@@ -127,8 +127,9 @@ def _diagnose(page: Page) -> ui.button:
     live = page.live
 
     def diagnose() -> None:
+        assert live.settings is not None
         path = live.taken(page.session.folder / "taken")
-        page.session.open_live(path, live.model, KEPT_S)
+        page.session.open_live(path, live.settings, KEPT_S)
         page.go("/missing")
 
     return ui.button("Diagnose", on_click=diagnose).props("outline no-caps")

@@ -31,6 +31,10 @@ def show(page: Page) -> None:
                     icon="download",
                     on_click=lambda: ui.download.content(path.read_bytes(), "better.yaml"),
                 ).props("unelevated no-caps").style("align-self:flex-start")
+            elif Path(step.question.model).is_file():
+                ui.label(
+                    f"{step.question.model}, as it was opened. Another file comes with the first effect that is added."
+                ).classes("quiet measure")
             else:
                 ui.label(
                     "The model is a structure that is fitted wherever it is used. A file comes with the first effect "

@@ -2,18 +2,19 @@
 
     excess(R) = sum_(k in R) e_k^2 / sum_k e_k^2  -  |R| / N
 
-e error in m/s, R a regime: neighbouring bins of one quantity, chosen for the greatest excess. That choice finds an
-excess in noise too; how much, the same choice shows on errors shifted in time against the quantities (circularly, so
-that both keep their own correlation), the greatest over all quantities counting. A regime is named where its excess
-stands out of that and its interval (block bootstrap) does not hold zero. Of the pairs, the one wins whose cells, chosen
-on every other block, hold most excess on the blocks between. Sources: J. P. Romano, J. Amer. Stat. Assoc. 85 (1990) 686
-(randomisation); P. H. Westfall, S. S. Young, Resampling-Based Multiple Testing, 1993 (greatest of all); H. R. Kuensch,
-Annals of Statistics 17 (1989) 1217 (block bootstrap).
+e error in m/s, R a regime: neighbouring bins of one quantity, or all beside such a middle (steep either way), chosen
+for the greatest excess. That choice finds an excess in noise too; how much, the same choice shows on errors shifted in
+time against the quantities (circularly, so that both keep their own correlation), the greatest over all quantities
+counting. A regime is named where its excess stands out of that and its interval (block bootstrap) does not hold zero.
+Of the pairs, the one wins whose cells, chosen on every other block, hold most excess on the blocks between. Sources: J.
+P. Romano, J. Amer. Stat. Assoc. 85 (1990) 686 (randomisation); P. H. Westfall, S. S. Young, Resampling-Based Multiple
+Testing, 1993 (greatest of all); H. R. Kuensch, Annals of Statistics 17 (1989) 1217 (block bootstrap).
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import combinations, pairwise
 from typing import Final
 
@@ -118,7 +119,7 @@ def regimes(recordings: Sequence[Recording], errors_mps: Sequence[np.ndarray], h
     if not sorted_by:
         return Regimes((), (), None)
     tables = [_table(one, error, squared) for one in sorted_by]
-    chosen = [_best(one.error_share - one.time_share) for one in tables]
+    chosen = [_best(t.error_share - t.time_share, bool(one.edges)) for one, t in zip(sorted_by, tables, strict=True)]
     p_values = _p_values(sorted_by, squared, [_excess(t, c) for t, c in zip(tables, chosen, strict=True)])
     found = [
         _regime(one, table, run, p_value, error, squared, blocks)
@@ -193,18 +194,40 @@ def _table(one: _Binned, error: np.ndarray, squared: np.ndarray) -> Table:
     )
 
 
-def _best(excess: np.ndarray) -> tuple[int, int]:
-    """First and one past the last bin of the neighbours (of states: the one) with the greatest excess, never all."""
-    size = len(excess)
+def _best(excess: np.ndarray, ordered: bool) -> tuple[int, int]:
+    """First and one past the last bin of the neighbours (of states: the one) with the greatest excess, never all.
+
+    Of ordered bins both ends may be it: then the first is that of the upper end, and beyond the last, of the lower.
+    """
+    gained = _gained(excess, ordered)
+    first, last = np.unravel_index(int(np.argmax(gained)), gained.shape)
+    return int(first), int(last)
+
+
+def _gained(excess: np.ndarray, ordered: bool) -> np.ndarray:
+    """The excess (M + 1, M + 1) of every run from a first bin to one before a last; below the diagonal of both ends."""
     sums = np.concatenate([[0.0], np.cumsum(excess)])
-    return max(
-        ((i, j) for i in range(size) for j in range(i + 1, size + 1) if j - i < size),
-        key=lambda run: sums[run[1]] - sums[run[0]],
+    gained = sums[None, :] - sums[:, None]
+    size = len(sums)
+    ends = np.tril(np.ones((size, size), bool), -1)
+    ends[-1], ends[:, 0] = False, False  # an end that holds no bin
+    gained = np.where(
+        ends & ordered, sums[-1] + gained, np.where(np.triu(np.ones((size, size), bool), 1), gained, -np.inf)
     )
+    gained[0, -1] = -np.inf  # all of it
+    return gained
+
+
+def _inside(number: np.ndarray, run: tuple[int, int], bins: int) -> np.ndarray:
+    """Which samples, or bins, lie in the run, or in either end."""
+    first, last = run
+    known = number < bins
+    return known & ((number >= first) & (number < last) if first < last else (number < last) | (number >= first))
 
 
 def _excess(table: Table, run: tuple[int, int]) -> float:
-    return float(np.sum((table.error_share - table.time_share)[slice(*run)]))
+    inside = _inside(np.arange(len(table.labels)), run, len(table.labels))
+    return float(np.sum((table.error_share - table.time_share)[inside]))
 
 
 def _p_values(sorted_by: Sequence[_Binned], squared: np.ndarray, excess: Sequence[float]) -> np.ndarray:
@@ -219,22 +242,13 @@ def _p_values(sorted_by: Sequence[_Binned], squared: np.ndarray, excess: Sequenc
         rolled = np.roll(squared, shift)
         for i, (one, time) in enumerate(zip(sorted_by, times, strict=True)):
             share = np.bincount(one.number, rolled, minlength=len(one.labels) + 1)[:-1] / total
-            row[i] = _greatest(share - time)
+            row[i] = _gained(share - time, bool(one.edges)).max()
     spread = null.std(axis=0)
     scale = np.where(spread > 0.0, spread, 1.0)
     standard = (null - null.mean(axis=0)) / scale
     greatest = standard.max(axis=1)
     mine = (np.asarray(excess) - null.mean(axis=0)) / scale
     return (1.0 + np.sum(greatest[:, None] >= mine, axis=0)) / (1.0 + len(shifts))
-
-
-def _greatest(excess: np.ndarray) -> float:
-    """The excess of the run that `_best` would choose."""
-    sums = np.concatenate([[0.0], np.cumsum(excess)])
-    differences = sums[None, :] - sums[:, None]
-    differences[np.tril_indices(len(sums))] = -np.inf
-    differences[0, -1] = -np.inf
-    return float(differences.max())
 
 
 def _regime(
@@ -246,7 +260,7 @@ def _regime(
     squared: np.ndarray,
     blocks: np.ndarray,
 ) -> Regime:
-    inside = (one.number >= run[0]) & (one.number < run[1])
+    inside = _inside(one.number, run, len(one.labels))
     sums, counts = block_sums(np.column_stack([squared, squared * inside, inside.astype(float)]), blocks)
     weights = drawn(len(counts))
     error_share = (weights @ sums[:, 1]) / (weights @ sums[:, 0])
@@ -269,8 +283,11 @@ def _regime(
 def _where(one: _Binned, run: tuple[int, int]) -> str:
     if not one.edges:
         return " or ".join(_state_words(one.quantity, label) for label in one.labels[slice(*run)])
-    bounds = [None, *one.edges, None]
-    return in_words(one.quantity.key, one.quantity.words, one.quantity.unit, bounds[run[0]], bounds[run[1]])
+    bounds, (first, last) = [None, *one.edges, None], run
+    said = partial(in_words, one.quantity.key, one.quantity.words, one.quantity.unit)
+    if first < last:
+        return said(bounds[first], bounds[last])
+    return f"{said(None, bounds[last])}, or {said(bounds[first], None)}"
 
 
 def _state_words(quantity: Quantity, label: str) -> str:

@@ -1,5 +1,7 @@
 """Errors that stand in a regime are found there; noise is named nothing."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import signal
@@ -7,7 +9,7 @@ from scipy import signal
 from cruise.recording import Recording, resample
 from cruise.signals import INPUT, OUTPUT
 from cruise.validation.quantities import ACCELERATION, BRAKING, TURNS, quantities
-from cruise.validation.regimes import _out_of_sample, in_words, regimes, round_edges
+from cruise.validation.regimes import _best, _out_of_sample, in_words, regimes, round_edges
 from tests.validation.machine import record
 
 H = 15
@@ -44,6 +46,26 @@ def test_an_error_uphill_is_said_to_stand_uphill(drive):
     assert found.heat_map is not None
     assert "pitch_deg" in (found.heat_map.rows.key, found.heat_map.columns.key)
     assert found.heat_map.excess_low > 0.1
+
+
+def test_an_error_that_goes_with_the_slope_stands_at_both_ends_of_it(drive):
+    slope = drive.columns["pitch_deg"] * np.where(np.arange(len(drive)) // 400 % 2, 1.0, -1.0)
+    both_ways = replace(drive, columns={**drive.columns, "pitch_deg": slope})
+    found = regimes([both_ways], [noise(len(drive), 5) + 0.03 * slope], H)
+    first = found.named[0]
+    assert first.where == "downhill above 2 deg, or uphill above 2 deg"
+    assert first.time_share == pytest.approx(np.mean(np.abs(slope) > 2.0), abs=0.001)
+    assert first.error_share > first.time_share + 0.2
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_best_of_all_runs_and_of_both_ends_is_chosen(seed):
+    excess = np.random.default_rng(seed).standard_normal(6)
+    both = [*range(6)]
+    runs = {(i, j): sum(excess[i:j]) for i in both for j in range(i + 1, 7) if j - i < 6}
+    ends = {(i, j): sum(excess[:j]) + sum(excess[i:]) for i in range(2, 6) for j in range(1, i)}
+    assert _best(excess, ordered=False) == max(runs, key=lambda run: runs[run])
+    assert _best(excess, ordered=True) == max(runs | ends, key=lambda run: (runs | ends)[run])
 
 
 def test_noise_is_named_nothing(drive):

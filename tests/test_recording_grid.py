@@ -56,8 +56,8 @@ def test_means_of_means_are_the_means_of_the_readings(step_s):
     random = np.random.default_rng(6)
     time_s = 7.3 + 0.01 * np.arange(4000)
     speeds = np.cumsum(random.normal(size=4000)) * 0.01
-    currents, gears = (np.repeat(values, 40) for values in (random.uniform(0.0, 900.0, 100), np.arange(100) % 3))
-    fine = Recording(time_s, {INPUT: currents, OUTPUT: speeds, "gear": 1.0 + gears}, 0.01, "fine")
+    currents, gears = (np.repeat(values, 40) for values in (random.uniform(0.0, 900.0, 100), np.arange(100.0) % 3))
+    fine = Recording(time_s, {INPUT: currents, OUTPUT: speeds, "gear": gears}, 0.01, "fine")
     between = resample(fine, step_s) if step_s > 0.01 else fine
     at_once, in_two = resample(fine, 0.2), resample(between, 0.2)
     assert between.averaged == (step_s > 0.01)

@@ -254,7 +254,8 @@ def _remedy(settings: CanSettings, error: OSError) -> str:
     if error.errno in _NO_CAN:
         return (
             f"can.bus: this kernel has no CAN ({error.strerror}); load it with `modprobe can_raw` (and `modprobe vcan` "
-            "for a bus without hardware), or set can.bus to virtual"
+            "for a bus without hardware); can.bus: virtual is inside this process, where nobody else hears it, as in "
+            "`cruise demo`"
         )
     if error.errno == errno.ENODEV:
         return (

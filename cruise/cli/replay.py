@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from cruise.cli.places import CONFIG
-from cruise.cli.reading import AsJson, Columns, InputName, OutputName, Recordings, columns_of
+from cruise.cli.reading import AsJson, Columns, InputName, OutputName, Recordings, columns_of, count_of
 from cruise.model import files
 from cruise.service import replay as service
 from cruise.service import settings as service_settings
@@ -66,7 +66,7 @@ def replay(
 
 def _print(report: dict) -> None:
     console = Console(highlight=False)
-    console.print(f"{len(report['recordings'])} recordings, {report['samples']} samples")
+    console.print(f"{count_of(len(report['recordings']), 'recording')}, {report['samples']} samples")
     for note in report["notes"]:
         console.print(f"note: {note}")
     table = Table(box=box.SIMPLE_HEAD)

@@ -2,6 +2,7 @@
 
 import os
 import secrets
+import socket
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -58,10 +59,20 @@ def workbench(
 
     token = "" if host in HERE else os.environ.get("CRUISE_TOKEN") or secrets.token_urlsafe(16)
     address = f"http://{host}:{port}/" + (f"?token={token}" if token else "")
+    _free(host, port)
     print(f"cruise: workbench on {address}", flush=True)
     app.serve(
         app.Workbench(Setup(reading, CONFIG, user_cache(), live), begin), host, port, token, show=browser and not token
     )
+
+
+def _free(host: str, port: int) -> None:
+    """SettingsError where nothing can be served there."""
+    try:
+        with socket.create_server((host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET):
+            pass
+    except OSError as error:
+        raise SettingsError(f"workbench: {host}:{port}: {error.strerror}; give another with --port") from error
 
 
 def user_cache() -> Path:

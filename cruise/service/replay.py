@@ -73,7 +73,7 @@ def replay(
         if absent:
             raise RecordingError(
                 f"{path}: the model needs {', '.join(absent)}, which it does not hold; "
-                "take a model file without the effects that need them"
+                "give a model file without the effects that need them (--model FILE)"
             )
         recordings.append(recording)
         start_s = node.ticks * node.period_s + PAUSE_S

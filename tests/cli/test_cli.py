@@ -133,7 +133,7 @@ def test_a_mistake_gets_one_clear_line(verb, tmp_path, monkeypatch, words, says)
     (tmp_path / "zero.yaml").write_text(settings + "control: {frame_s: 0}\n")
     (tmp_path / "frame.yaml").write_text(settings + "control: {frame_s: 0.03}\n")
     (tmp_path / "limits.yaml").write_text(
-        settings + "control: {limits: {current_max_ma: 10.0, current_min_ma: 50.0}}\n"
+        settings + "control: {limits: {current_max_ma: 110.0, current_min_ma: 150.0}}\n"
     )
     (tmp_path / "misspelt.yaml").write_text(f"database: {database}\nmodle: {model}\n")
     (tmp_path / "half.dbc").write_text(database.read_text().replace("MachineState", "MachineStatus"))

@@ -2,12 +2,13 @@
 
 import shlex
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import yaml
+from msgspec.structs import fields
 
 from cruise.effects import Custom
-from cruise.service.recordings import ReadingSettings
 from cruise.workbench.session import Session
 
 COLUMNS = "columns.yaml"
@@ -50,16 +51,21 @@ def column_settings(session: Session) -> str:
     """The settings file that says what the columns mean; empty where nobody had to say it."""
     if session.opened is None:
         return ""
-    usual, mine = ReadingSettings(), session.opened.source.reading
-    own = {
-        name: msgspec.to_builtins(getattr(mine, name))
-        for name in ("time", "input", "output", "columns")
-        if getattr(mine, name) != getattr(usual, name)
-    }
-    for column in own.get("columns", {}).values():
-        if column.get("signal") is None:
-            column.pop("signal", None)
+    own = _own(msgspec.structs.replace(session.opened.source.reading, database=None))
     return yaml.safe_dump(own, sort_keys=False) if own else ""
+
+
+def _own(settings: msgspec.Struct) -> dict[str, Any]:
+    """What of the settings is not the default, all the way down; a column that is named stays."""
+    usual, found = type(settings)(**{f.name: getattr(settings, f.name) for f in fields(settings) if f.required}), {}
+    for field in fields(settings):
+        value = getattr(settings, field.name)
+        if not field.required and value == getattr(usual, field.name):
+            continue
+        if isinstance(value, dict):
+            value = {name: _own(one) for name, one in value.items()}
+        found[field.name] = _own(value) if isinstance(value, msgspec.Struct) else value
+    return found
 
 
 def _word(added: object) -> str:

@@ -10,8 +10,9 @@ from msgspec import structs
 pytest.importorskip("nicegui", reason="the extra workbench is not installed")
 
 from cruise import settings
+from cruise.can.settings import CanSettings, SourceAddresses
 from cruise.cli.places import CONFIG
-from cruise.columns import ColumnSettings
+from cruise.columns import ActiveWhen, ColumnSettings
 from cruise.effects import Custom, Stage
 from cruise.model import files
 from cruise.model.files import CustomTerm
@@ -177,7 +178,12 @@ def test_the_command_lines_name_the_database_that_was_dropped(session):
 
 
 def test_what_the_columns_mean_is_a_settings_file(session, tmp_path):
-    reading = ReadingSettings(input="I", columns={"v": ColumnSettings(signal="wheel_speed_mps", scale=1 / 3.6)})
+    reading = ReadingSettings(
+        input="I",
+        columns={"v": ColumnSettings(signal="wheel_speed_mps", scale=1 / 3.6), "I": ColumnSettings()},
+        active_when=ActiveWhen(column="safe", above=0.4),
+        can=CanSettings(addresses=SourceAddresses(machine=0x55)),
+    )
     session.opened = replace(session.opened, source=replace(session.opened.source, reading=reading))
     path = tmp_path / commands.COLUMNS
     path.write_text(commands.column_settings(session))

@@ -96,6 +96,7 @@ def report(found: Search) -> dict[str, Any]:
     return {
         "period_s": found.period_s,
         "horizon_s": found.horizon_s,
+        "not_held_out": [f"shapes of {name}" for name in found.effects],
         "recommended": _row(found, found.recommended),
         "candidates": [_row(found, one) for one in found.candidates],
     }
@@ -143,6 +144,8 @@ def _print(found: Search, drawn: Path) -> None:
             mark,
         )
     console.print(table)
+    if found.effects:
+        console.print(f"the shapes of {', '.join(found.effects)} were found on all of it, for every structure alike")
     refused = sum(bool(one.refused) for one in found.candidates)
     if refused:
         console.print(f"left out: {count_of(refused, 'structure')}, unstable or not to be fitted (--json says why)")

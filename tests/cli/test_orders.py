@@ -59,6 +59,7 @@ def test_the_effects_are_searched_with_and_written_out(verb, tmp_path):
     few = ("--cutoff", 0, "--na-max", 1, "--nb-max", 2, "--delay-max", 0.4, "--json")
     found = judged(verb("orders", "curved.csv", "--model", "arx10+dead_zone", *few)[1])
     assert found["recommended"]["model"] == "arx:na=1,nb=2,delay_s=0.4+dead_zone"
+    assert found["not_held_out"] == ["shapes of dead_zone"]
 
     model = Model(0.1, 1, 1, 0, (DeadZone(500.0),), (0.5, 1e-4, 0.0))
     files.save(tmp_path / "m.yaml", model, Provenance())

@@ -11,7 +11,7 @@ import sys
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib import import_module, metadata
+from importlib import import_module
 from pathlib import Path
 from time import perf_counter
 from typing import Any, Final, Self
@@ -34,7 +34,7 @@ class Timed:
 
 
 class Peers:
-    """The running peers. Use as a context manager; `start` gives None where they can't be had."""
+    """The running peers. Use as a context manager; `start` says why where they can't be had."""
 
     def __init__(self, process: subprocess.Popen[str], folder: tempfile.TemporaryDirectory) -> None:
         self.process = process
@@ -139,11 +139,6 @@ FITS: Final[dict[str, Callable[[np.ndarray, np.ndarray], Callable[[], list[float
     "sippy_arx": lambda u, y: _sippy(u, y, 0),
     "sippy_armax": lambda u, y: _sippy(u, y, 1),
 }
-
-
-def versions() -> str:
-    """What is installed where this runs."""
-    return ", ".join(f"{name} {metadata.version(name)}" for name in ("sysidentpy", "sippy_unipi", "numpy"))
 
 
 def serve(path: str) -> None:

@@ -115,3 +115,12 @@ def test_only_commissioning_passes_the_whole_range_in_a_frame():
     assert engaged.step(1200.0, 0.05) == 30.0
     assert commissioning.step(1200.0, 0.05) == 1200.0
     assert commissioning.step(0.0, 0.05) == 0.0
+
+
+@pytest.mark.parametrize(("most_ma", "fine"), [(100.0, True), (99.9, False), (2000.0, True), (2000.1, False)])
+def test_a_limit_is_one_of_a_coil_in_ma(most_ma, fine):
+    if fine:
+        assert msgspec.convert({"current_max_ma": most_ma}, LimitSettings).current_max_ma == most_ma
+    else:
+        with pytest.raises(msgspec.ValidationError):
+            msgspec.convert({"current_max_ma": most_ma}, LimitSettings)

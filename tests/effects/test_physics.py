@@ -31,7 +31,7 @@ def test_quadratic_gain():
     assert QuadraticGain(0.5).step(400.0, 0.0, {}, None, 0.2)[0] == pytest.approx(400 * (1 + 0.5 * 0.4))
 
 
-@pytest.mark.parametrize("exponent", [0.5, 0.8, 1.3, 2.0])
+@pytest.mark.parametrize("exponent", [0.5, 0.8, 1.0, 1.2])
 def test_a_power_of_the_current_is_undone_by_its_inverse(exponent):
     effect = QuadraticGain(0.5, 0.3, exponent)
     bare = QuadraticGain(exponent=exponent)

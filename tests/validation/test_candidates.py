@@ -163,7 +163,7 @@ def test_every_start_of_an_effect_lies_in_its_bounds_away_from_neutral(name):
         (shape,) = [
             key
             for key in EFFECTS[name].parameters
-            if key not in ("edge_ma", "knee_ma", "bend", "share", "jump_share", "release_share")
+            if key not in ("edge_ma", "knee_ma", "bend", "exponent", "share", "jump_share", "release_share")
         ]
         values = [getattr(start.effects[0], shape) for start in starts]
         neutral = EFFECTS[name].parameters[shape].neutral

@@ -15,6 +15,7 @@ import numpy as np
 from cruise.columns import TIME, RecordingSettings, column_of, tabulated
 from cruise.recording import Recording, RecordingError, listed
 from cruise.sampling import FloatArray
+from cruise.settings import replaced
 
 STAMP: Final = re.compile(
     r"(\d{4}-\d\d-\d\d[T ]\d\d:\d\d(?::\d\d(?:\.\d{1,6})?)?)(?:(?<=\.\d{6})\d+)?(?:Z|[+-]\d\d(?::?\d\d)?)?"
@@ -54,13 +55,10 @@ def write_csv(recording: Recording, path: str | Path) -> None:
     """Write a recording as CSV, in full precision; a value that was not measured is an empty cell."""
     names = list(recording.columns)
     table = np.column_stack([recording.time_s, *(recording.columns[name] for name in names)]).tolist()
-    whole = Path(path)
-    part = whole.with_name(f".{whole.name}.part")  # half a table would look like a whole, shorter one
-    with part.open("w", encoding="utf-8", newline="") as stream:
+    with replaced(path, newline="") as stream:  # half a table would look like a whole, shorter one
         writer = csv.writer(stream)
         writer.writerow([TIME, *names])
         writer.writerows([["" if value != value else value for value in row] for row in table])
-    part.replace(whole)
 
 
 def _lines(path: str | Path) -> list[str]:

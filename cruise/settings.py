@@ -18,9 +18,10 @@ import os
 import re
 import typing
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, TextIO, TypeVar
 
 import msgspec
 import yaml
@@ -98,17 +99,26 @@ def parse(text: str, type_: type[T], source: str) -> T:
 def save(path: str | Path, struct: msgspec.Struct) -> None:
     """Write `struct` to `path` so that `load` gives an equal one; the file is the old or the new one, never half.
 
-    The text goes to `.NAME.tmp` beside it, to the disk, and then takes the old file's place in one step; one writer a
-    file. Raises ValueError, before anything is written, for a struct that could not be read back (nan, inf).
+    Raises ValueError, before anything is written, for a struct that could not be read back (nan, inf).
     """
-    file = Path(path).resolve()  # a symbolic link stays, what it points at is replaced
     text = dump(struct)
     if parse(text, type(struct), str(path)) != struct:
         raise ValueError(f"{path}: {type(struct).__name__} does not survive being written and read")
+    with replaced(path, newline="\n") as stream:
+        stream.write(text)
+
+
+@contextmanager
+def replaced(path: str | Path, newline: str) -> Iterator[TextIO]:
+    """A text that goes to `.NAME.tmp` beside the file, to the disk, and then takes its place in one step.
+
+    Where anything goes wrong before, the old file stays. One writer a file.
+    """
+    file = Path(path).resolve()  # a symbolic link stays, what it points at is replaced
     temporary = file.with_name(f".{file.name}.tmp")
     try:
-        with temporary.open("w", encoding="utf-8", newline="\n") as stream:
-            stream.write(text)
+        with temporary.open("w", encoding="utf-8", newline=newline) as stream:
+            yield stream
             stream.flush()
             os.fsync(stream.fileno())
         temporary.replace(file)

@@ -9,7 +9,7 @@ goes. Numbers go on where the last run ended.
 
 import gzip
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TextIO
 
 import msgspec
 
@@ -40,6 +40,7 @@ class Ring:
         self._number = max((int(file.name[-14:-7]) for file in self.segments()), default=0)
         self._began: dict[Path, float] = {}  # of this run
         self._frozen_until_s = -1.0
+        self._failed: OSError | None = None  # why there is no segment now
         self._open(0.0)
 
     def segments(self) -> list[Path]:
@@ -47,11 +48,11 @@ class Ring:
         return sorted(self.folder.glob("*-[0-9]*.log.gz"), key=lambda file: file.name[-14:])
 
     def write(self, frame: Frame, now_s: float) -> None:
-        """Append one frame. OSError, or ValueError while there is no segment, where the disk is full or gone."""
+        """Append one frame. OSError where the disk is full or gone, the same until the segment could be opened."""
         if now_s >= self._next_s:
-            self._next_s = now_s + AGAIN_S
-            self._writer.close()
-            self._open(now_s)
+            self._go_on(now_s)
+        if self._failed is not None:
+            raise self._failed.with_traceback(None)
         self._writer.write(frame)
         self.frames += 1
         if now_s >= self._flush_s:
@@ -72,12 +73,20 @@ class Ring:
         self._writer.close()
         self._bound()
 
+    def _go_on(self, now_s: float) -> None:
+        """End the segment and begin the next."""
+        self._next_s, self._failed = now_s + AGAIN_S, None
+        try:
+            self._writer.close()
+            self._open(now_s)
+        except OSError as error:
+            self._failed = error
+
     def _open(self, now_s: float) -> None:
         kind = "exit" if now_s < self._frozen_until_s else "log"
         self._number += 1
         path = self.folder / f"{kind}-{self._number:07}.log.gz"
-        stream = gzip.open(path, "wt", encoding="ascii")  # noqa: SIM115, closed with the writer
-        self._writer = LogWriter.into(stream, self.channel)
+        self._writer = LogWriter.into(_compressed(path), self.channel)
         self._path, self._began[path] = path, now_s
         self._flush_s, self._next_s = now_s + FLUSH_S, now_s + self.settings.segment_s
         self._bound()
@@ -102,3 +111,8 @@ class Ring:
             frozen -= sizes[oldest] if oldest.name.startswith("exit") else 0
             self._began.pop(oldest, None)
             oldest.unlink()
+
+
+def _compressed(path: Path) -> TextIO:
+    """A new stream, which is closed with its writer."""
+    return gzip.open(path, "wt", encoding="ascii")

@@ -60,10 +60,8 @@ class BlackBox:
     def _try(self, act: Callable[[], None]) -> None:
         try:
             act()
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError) as error:  # ValueError: a segment that the full disk has closed
             self.failures += 1
-            if isinstance(error, ValueError) and self.problem:
-                return  # a segment that could not be opened is closed, which is no news
             problem = f"{self.ring.folder}: cannot be written: {error}"
             if problem != self.problem:  # once, and not with every frame
                 self._say(problem)

@@ -70,9 +70,7 @@ class Daemon:
         self.say = say
         # What a client of the bus does wrong is answered there; at a thousand frames a second a log would cost time.
         logging.getLogger("canopen").setLevel(logging.CRITICAL)
-        self.node = CruiseNode.load(settings) if again is None else again.node
-        if again is not None:
-            _, self.node = self._with({})
+        self.node = CruiseNode.load(settings) if again is None else again._with({})[1]
         self.changes: Mapping[str, Any] = {}
         self._reload = reload
         state, keeper = self._kept()

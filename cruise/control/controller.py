@@ -13,7 +13,7 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
-from typing import Annotated
+from typing import Annotated, Final
 
 import msgspec
 import numpy as np
@@ -35,7 +35,7 @@ from cruise.model.model import Model, ModelState
 from cruise.settings import Positive, SettingsError
 from cruise.signals import OUTPUT, Sample
 
-LAW_STEPS = 20.0  # per factor e, of poles and paces: those that differ by less share one programme
+LAW_STEPS: Final = 20.0  # per factor e, of poles and paces: those that differ by less share one programme
 POWER = ("engine_load_pct", "engine_speed_rpm", "line_pressure_bar")
 
 

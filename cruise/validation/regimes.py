@@ -207,15 +207,10 @@ def _best(excess: np.ndarray, ordered: bool) -> tuple[int, int]:
 def _gained(excess: np.ndarray, ordered: bool) -> np.ndarray:
     """The excess (M + 1, M + 1) of every run from a first bin to one before a last; below the diagonal of both ends."""
     sums = np.concatenate([[0.0], np.cumsum(excess)])
-    gained = sums[None, :] - sums[:, None]
-    size = len(sums)
-    ends = np.tril(np.ones((size, size), bool), -1)
-    ends[-1], ends[:, 0] = False, False  # an end that holds no bin
-    gained = np.where(
-        ends & ordered, sums[-1] + gained, np.where(np.triu(np.ones((size, size), bool), 1), gained, -np.inf)
-    )
-    gained[0, -1] = -np.inf  # all of it
-    return gained
+    first, last = np.indices((len(sums), len(sums)))
+    both = ordered & (0 < last) & (last < first) & (first < len(excess))  # each end holds a bin
+    possible = both | ((first < last) & (last - first < len(excess)))  # and not all of it
+    return np.where(possible, sums[last] - sums[first] + both * sums[-1], -np.inf)
 
 
 def _inside(number: np.ndarray, run: tuple[int, int], bins: int) -> np.ndarray:

@@ -208,7 +208,7 @@ def _gained(excess: np.ndarray, ordered: bool) -> np.ndarray:
     """The excess (M + 1, M + 1) of every run from a first bin to one before a last; below the diagonal of both ends."""
     sums = np.concatenate([[0.0], np.cumsum(excess)])
     first, last = np.indices((len(sums), len(sums)))
-    both = ordered & (0 < last) & (last < first) & (first < len(excess))  # each end holds a bin
+    both = ordered & (last > 0) & (last < first) & (first < len(excess))  # each end holds a bin
     possible = both | ((first < last) & (last - first < len(excess)))  # and not all of it
     return np.where(possible, sums[last] - sums[first] + both * sums[-1], -np.inf)
 

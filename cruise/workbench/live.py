@@ -5,11 +5,11 @@ the same frames: a listening twin of it learns along. With the virtual combine, 
 """
 
 import math
-import shutil
 from collections import deque
 from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 from statistics import median
+from threading import Lock
 from typing import Final
 
 import msgspec
@@ -67,6 +67,7 @@ class Live:
         self.rows: deque[Row] = deque(maxlen=round(KEPT_S / EVERY_S))
         self.log: Path | None = None
         self.settings: CruiseSettings | None = None  # of the service: its model, its database, its addresses
+        self.turning = Lock()  # held while a log that is full becomes the earlier one
 
     def begin(self, title: str, folder: Path, settings: CruiseSettings) -> Path:
         """A new watch: everything that was heard before is forgotten. Returns where the log of the bus goes."""
@@ -74,6 +75,7 @@ class Live:
         self.rows.clear()
         folder.mkdir(parents=True, exist_ok=True)
         self.log = folder / "live.log"
+        earlier(self.log).unlink(missing_ok=True)
         return self.log
 
     def stop(self) -> None:
@@ -114,10 +116,15 @@ class Live:
         assert self.log is not None
         folder.mkdir(parents=True, exist_ok=True)
         path = folder / "live.log"
-        shutil.copyfile(self.log, path)
-        text = path.read_bytes()
+        with self.turning:
+            text = b"".join(log.read_bytes() for log in (earlier(self.log), self.log) if log.exists())
         path.write_bytes(text[: text.rfind(b"\n") + 1])
         return path
+
+
+def earlier(log: Path) -> Path:
+    """Where what was heard before the log began is kept: together they hold `KEPT_S`, and twice that at most."""
+    return log.with_name(f"earlier_{log.name}")
 
 
 def worse_since(rows: list[Row]) -> float | None:
@@ -161,7 +168,7 @@ def watch_bus(live: Live, config: Path, folder: Path) -> None:
     log = live.begin(f"{settings.can.bus} {settings.can.channel}", folder, settings)
     node = CruiseNode.load(settings)
     node.plausibility = None  # the service on the bus sends what this node would, and does not contradict it
-    twin = Twin(node, log)
+    twin = Twin(node, log, live.turning)
     try:
         with open_bus(settings.can) as bus:
             serve(twin, bus, lambda: live.running, lambda now_s: live.see(now_s, twin.node))
@@ -175,10 +182,12 @@ def watch_bus(live: Live, config: Path, folder: Path) -> None:
 class Twin:
     """The service as a listener: it takes every frame in, learns, writes the log, and sends nothing."""
 
-    def __init__(self, node: CruiseNode, log: Path) -> None:
+    def __init__(self, node: CruiseNode, log: Path, turning: Lock) -> None:
         self.node = node
         self.period_s = node.period_s
+        self.log, self.turning = log, turning
         self.writer = LogWriter.create(log)
+        self.full_s = math.nan
 
     def receive(self, frame: Frame) -> None:
         """Take one frame in."""
@@ -189,7 +198,19 @@ class Twin:
         """One period on; what the service would send stays here."""
         self.node.tick(now_s)
         self.writer.flush()
+        if math.isnan(self.full_s):
+            self.full_s = now_s + KEPT_S
+        elif now_s >= self.full_s:
+            self._turn(now_s)
         return []
+
+    def _turn(self, now_s: float) -> None:
+        """The log is full: it becomes the earlier one."""
+        with self.turning:
+            self.writer.close()
+            self.log.replace(earlier(self.log))
+            self.writer = LogWriter.create(self.log)
+        self.full_s = now_s + KEPT_S
 
 
 def again_and_again(drive: Drive, rounds: int) -> Drive:

@@ -6,6 +6,7 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from pathlib import Path
+from threading import Lock
 
 import numpy as np
 import pyarrow as pa
@@ -17,7 +18,7 @@ pytest.importorskip("nicegui", reason="the extra workbench is not installed")
 
 from cruise.can.codec import Codec
 from cruise.can.frame import Frame
-from cruise.can.log import LogWriter
+from cruise.can.log import LogWriter, read_log
 from cruise.can.settings import CanSettings
 from cruise.cli.places import CONFIG
 from cruise.columns import ColumnSettings
@@ -25,12 +26,13 @@ from cruise.service.course import Drive, FieldRow, OperatorRow
 from cruise.service.cruise_node import CruiseNode
 from cruise.service.recordings import ReadingSettings
 from cruise.service.recordings.names import names_in
+from cruise.service.settings import CruiseSettings
 from cruise.signals import INPUT, OUTPUT
 from cruise.workbench import jobs
 from cruise.workbench.downsample import extremes, window
 from cruise.workbench.examples import EXAMPLES, drive, make
 from cruise.workbench.guard import COOKIE, Guard
-from cruise.workbench.live import Row, Twin, again_and_again, worse_since
+from cruise.workbench.live import KEPT_S, Live, Row, Twin, again_and_again, worse_since
 from cruise.workbench.uploads import apart, plain
 from cruise.workbench.views.mapping import AS_IT_IS, AS_SET, TIME, guessed, known, reading_of
 
@@ -311,8 +313,37 @@ def test_the_twin_listens_and_sends_nothing(tmp_path):
             return [Frame(timestamp=now_s, arbitration_id=1, data=b"forward")]
 
     service = Service()
-    twin = Twin(service, tmp_path / "live.log")
+    twin = Twin(service, tmp_path / "live.log", Lock())
     assert twin.tick(0.05) == []
     assert service.ticks == 1
     twin.writer.close()
     assert Path(tmp_path / "live.log").exists()
+
+
+def test_a_watch_keeps_what_can_be_diagnosed_and_no_more_than_twice_as_much(tmp_path):
+    class Deaf(CruiseNode):
+        period_s = 10.0
+
+        def __init__(self):
+            pass
+
+        def receive(self, frame):
+            return []
+
+        def tick(self, now_s):
+            return []
+
+    live = Live()
+    log = live.begin("a bus", tmp_path / "live", CruiseSettings(model="", database=""))
+    twin = Twin(Deaf(), log, live.turning)
+    times_s = np.arange(1000.0, 1000.0 + 4.5 * KEPT_S, 10.0).tolist()
+    for now_s in times_s:
+        twin.receive(Frame(timestamp=now_s, arbitration_id=1, data=b"12"))
+        twin.tick(now_s)
+    twin.writer.flush()
+    heard_s = np.array([frame.timestamp for frame in read_log(live.taken(tmp_path / "taken"))])
+    assert heard_s[-1] == times_s[-1]
+    assert np.all(np.diff(heard_s) == 10.0)
+    assert KEPT_S <= heard_s[-1] - heard_s[0] <= 2.0 * KEPT_S
+    assert len(list(log.parent.iterdir())) == 2
+    twin.writer.close()

@@ -88,6 +88,7 @@ def _exact(models: Models, settings: ControlSettings) -> Driver:
 
 DRIVERS: Final[dict[str, Kind]] = {
     "pid": Kind("PID (SIMC)", lambda models, settings: BlindPid(models.learned, settings)),
+    "pid_factory": Kind("PID, factory model", lambda models, settings: BlindPid(models.factory, settings)),
     "pid_1hz": Kind("PID held to 1 Hz", lambda models, settings: BlindPid(models.learned, settings, held=True)),
     "factory": Kind("factory model", lambda models, settings: Predictive(models.factory, settings)),
     "plain": Kind("learned, no feed-forward", lambda models, settings: Predictive(models.learned, settings, PLAIN)),

@@ -109,6 +109,14 @@ class Run:
                 "the same over a PID that is held to 1 Hz as the law is",
                 None,
             ),
+            (
+                "over_factory_pid",
+                "learned",
+                "pid_factory",
+                ref,
+                "the same over a PID that learns nothing: tuned on the factory's model, with its inverse",
+                None,
+            ),
             ("over_bound", "learned", "bound", ref, "RMS to the reference, with feed-forward / bound", 1.25),
         )
         found = [

@@ -91,6 +91,7 @@ _ANY_EXIT: Final = (
     ("shifted", State.STANDBY, ExitReason.CONTROL_POSITION),
     ("setpoint_lost", State.STANDBY, ExitReason.COMMAND_TIMEOUT),
     ("setpoint_invalid", State.STANDBY, ExitReason.COMMAND_INVALID),
+    ("standing", State.STANDBY, ExitReason.FUNCTION_FAULT),
     ("implausible", State.FAULT, ExitReason.FUNCTION_FAULT),
     ("overspeed", State.FAULT, ExitReason.FUNCTION_FAULT),
 )
@@ -144,12 +145,14 @@ class Engagement:
         self.exit_detail = ""  # which signals contradicted each other, where that was the reason
         self.refused = ""  # why the last press of a button neither engaged nor began an experiment
         self._last: Situation | None = None
-        self._requested_mps = math.nan  # last setpoint on the bus; a pause of its frames is no new word
+        self._requested_mps = math.nan  # last setpoint on the bus that was heeded; a pause of its frames is no new word
+        self._by_panel = False  # the setpoint is the panel's, and not that of a button
         self._commanded = False  # a setpoint was heard while the controller drives: from then on it must not be missing
         self._lever_pct = math.nan  # where the lever stood at the take-over, or when it was moved last
         self._gear = math.nan  # at the take-over
         self._allowed_mps = -math.inf  # setpoint and reference as slowly as the machine may follow them down
         self._acted_s = -math.inf  # when a pedal or the lever was last seen in use while overridden
+        self._moved_s = -math.inf  # when the machine was last seen to move
 
     def step(self, now: Situation) -> State:
         """One instant on."""
@@ -157,6 +160,8 @@ class Engagement:
         if self.state is State.OVERRIDDEN:
             self._watch_operator(now)
         self._allow(now, last)
+        if not abs(now.speed_mps) < self.settings.standing_mps:
+            self._moved_s = now.time_s
         holds = self._conditions(now, last)
         for row in TRANSITIONS:
             if row.source is self.state and holds[row.condition]:
@@ -164,7 +169,7 @@ class Engagement:
                 break
         if self.state.controls and last is not None:
             self._follow(now, last)
-        if math.isfinite(now.requested_mps):
+        elif math.isfinite(now.requested_mps):
             self._requested_mps = now.requested_mps
         return self.state
 
@@ -175,6 +180,7 @@ class Engagement:
         pressed = edge and self.state is State.STANDBY
         asked = now.requested_experiment != 0
         target_mps = self.setpoint_mps
+        word_mps = now.requested_mps if self._is_new(now.requested_mps) else target_mps
         return {
             "unhealthy": not now.healthy,
             "operator_lost": not now.operator_present,
@@ -188,7 +194,8 @@ class Engagement:
             "shifted": now.gear != self._gear and not settings.shifts_under_way,
             "signals_lost": not now.signals_valid,
             "setpoint_lost": self._commanded and math.isnan(now.requested_mps),
-            "setpoint_invalid": not settings.speed_min_mps <= target_mps <= settings.speed_max_mps,
+            "setpoint_invalid": not settings.speed_min_mps <= word_mps <= settings.speed_max_mps,
+            "standing": now.time_s - self._moved_s > settings.standing_s,
             "implausible": bool(now.contradiction),
             "overspeed": now.speed_mps - self._allowed_mps > settings.hill_mps(now.alpha),
             "reached": abs(now.speed_mps - target_mps) <= settings.reached_mps,
@@ -244,7 +251,7 @@ class Engagement:
         if row.target is State.ENGAGING:
             self.setpoint_mps = self._wanted_mps(now)
             self._allowed_mps = max(self.setpoint_mps, now.speed_mps)  # of this drive: nothing is left of the last
-            self._commanded = False
+            self._commanded, self._by_panel = False, not now.set
         if row.target is State.COMMISSIONING:
             self.experiment = self.experiments[now.requested_experiment]
             self.setpoint_mps = math.nan  # none holds, and none is left over for later
@@ -254,12 +261,17 @@ class Engagement:
 
     def _follow(self, now: Situation, last: Situation) -> None:
         """The operator's newest word is the setpoint: a new request on the bus, or a press of a button."""
-        settings = self.settings
-        wanted = self.setpoint_mps
-        self._commanded = self._commanded or math.isfinite(now.requested_mps)
-        if math.isfinite(now.requested_mps) and now.requested_mps != self._requested_mps:
-            wanted = now.requested_mps
-        wanted += settings.setpoint_step_mps * (now.accelerate and not last.accelerate)
-        wanted -= settings.setpoint_step_mps * (now.coast and not last.coast)
-        if settings.speed_min_mps <= wanted <= settings.speed_max_mps:
-            self.setpoint_mps = wanted
+        settings, word_mps = self.settings, now.requested_mps
+        self._commanded = self._commanded or math.isfinite(word_mps)
+        if self._is_new(word_mps):
+            self.setpoint_mps, self._requested_mps, self._by_panel = word_mps, word_mps, True
+        presses = (now.accelerate and not last.accelerate) - (now.coast and not last.coast)
+        if presses:
+            wanted_mps = self.setpoint_mps + settings.setpoint_step_mps * presses
+            self.setpoint_mps = min(max(wanted_mps, settings.speed_min_mps), settings.speed_max_mps)
+            self._by_panel = False
+
+    def _is_new(self, word_mps: float) -> bool:
+        """Whether a setpoint on the bus is a new word: where a button had the last one, more than a knob's wavering."""
+        apart_mps = 0.0 if self._by_panel else self.settings.wavering_mps
+        return math.isfinite(word_mps) and not abs(word_mps - self._requested_mps) <= apart_mps

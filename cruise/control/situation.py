@@ -19,6 +19,9 @@ class EngagementSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unkno
     speed_min_mps: Positive = 0.3  # m/s, slower is manoeuvring, a person's work
     speed_max_mps: Annotated[float, msgspec.Meta(gt=0, le=11.2)] = 8.5  # m/s, just over 30 km/h; no combine passes 40
     setpoint_step_mps: Positive = 0.1  # m/s, of the buttons accelerate and coast
+    wavering_mps: Positive = 0.05  # m/s, by which a knob that nobody touches may change what the panel asks for
+    standing_mps: Positive = 0.1  # m/s: slower, a machine that is driven stands, be it plugged or its engine stalled,
+    standing_s: Positive = 1.0  # s after which it does not start again by itself
     lever_moved_pct: Positive = 5.0  # %, change of the lever that means the operator wants it
     override_s: Positive = 1.0  # s that pedals and lever have to be left alone before an override is over
     reached_mps: Positive = 0.1  # m/s, speed to setpoint at which the take-over is done: 5 % of a usual speed

@@ -118,8 +118,27 @@ def test_the_operators_newest_word_is_the_setpoint():
     engagement.step(replace(READY, requested_mps=1.8))
     engagement.step(replace(READY, requested_mps=1.8, coast=True))
     assert engagement.setpoint_mps == pytest.approx(1.8)
-    engagement.step(replace(READY, requested_mps=50.0))
-    assert engagement.setpoint_mps == pytest.approx(1.8)
+    for _ in range(40):  # no button leads out of the range
+        engagement.step(READY)
+        engagement.step(replace(READY, coast=True))
+    assert engagement.setpoint_mps == 0.3
+    assert engagement.state.controls
+
+
+@pytest.mark.parametrize("press", ["set", "accelerate", "coast"])
+def test_a_knob_that_wavers_does_not_take_back_what_a_button_said(press):
+    engagement = Engagement(EngagementSettings())
+    for situation in (READY, READY, replace(READY, set=press == "set", resume=press != "set"), READY):
+        engagement.step(situation)
+    engagement.step(replace(READY, **{press: True}))
+    said_mps = engagement.setpoint_mps
+    for k in range(30):
+        assert engagement.step(replace(READY, requested_mps=1.4 + 0.001 * (k % 7 == 0))).controls
+        assert engagement.setpoint_mps == said_mps
+    engagement.step(replace(READY, requested_mps=1.5))
+    assert engagement.setpoint_mps == 1.5, "a knob that is turned has the last word"
+    engagement.step(replace(READY, requested_mps=1.51))
+    assert engagement.setpoint_mps == 1.51, "and every bit of it counts then"
 
 
 def test_every_row_of_the_table_names_a_condition_that_exists():

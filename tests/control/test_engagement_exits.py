@@ -31,7 +31,8 @@ EXITS = {
     "signals_lost": ({"signals_valid": False, "gear": math.nan}, State.STANDBY, ExitReason.FUNCTION_FAULT),
     "shifted": ({"gear": 3.0}, State.STANDBY, ExitReason.CONTROL_POSITION),
     "setpoint_lost": ({"requested_mps": math.nan}, State.STANDBY, ExitReason.COMMAND_TIMEOUT),
-    "setpoint_invalid": ({}, State.STANDBY, ExitReason.COMMAND_INVALID),
+    "setpoint_invalid": ({"requested_mps": 0.0}, State.STANDBY, ExitReason.COMMAND_INVALID),
+    "standing": ({"time_s": 1.1, "speed_mps": 0.09}, State.STANDBY, ExitReason.FUNCTION_FAULT),
     "implausible": ({"contradiction": "two speeds"}, State.FAULT, ExitReason.FUNCTION_FAULT),
     "overspeed": ({"speed_mps": 1.81}, State.FAULT, ExitReason.FUNCTION_FAULT),
 }
@@ -47,8 +48,6 @@ def test_every_exit_of_the_controller_is_tried_below(state):
 def test_every_exit_acts_in_one_step_says_why_and_does_not_come_back(begin, condition):
     fields, target, reason = EXITS[condition]
     engagement = begin()
-    if condition == "setpoint_invalid":
-        engagement.setpoint_mps = math.nan
     held = replace(READY, resume=True, set=True)
     assert engagement.step(replace(held, **fields)) is target
     assert (engagement.exit_condition, engagement.exit_reason) == (condition, reason)
@@ -67,6 +66,24 @@ def test_the_lever_backwards_reverse_gear_and_any_greater_speed_end_it_too(field
 @pytest.mark.parametrize("fields", [{"lever_pct": 44.9}, {"lever_pct": 35.1}, {"speed_mps": 1.69}])
 def test_what_is_less_than_a_limit_does_not_end_it(fields):
     assert engaged().step(replace(DRIVEN_AT_SETPOINT, **fields)) is State.ENGAGED
+
+
+@pytest.mark.parametrize("word_mps", [0.0, 0.2, 9.0, 50.0])
+def test_a_word_beyond_what_may_be_driven_ends_it_and_is_not_passed_over(word_mps):
+    engagement = engaged()
+    assert engagement.step(replace(DRIVEN_AT_SETPOINT, requested_mps=word_mps)) is State.STANDBY
+    assert engagement.exit_reason is ExitReason.COMMAND_INVALID
+
+
+def test_a_machine_that_slowed_down_to_a_stop_does_not_start_again_by_itself():
+    engagement = engaged()
+    for k in range(20):  # slow, as an engine at its limit makes it
+        assert engagement.step(replace(DRIVEN_AT_SETPOINT, time_s=0.1 * k, speed_mps=0.12)).controls
+    states = [engagement.step(replace(READY, time_s=2.0 + 0.1 * k, speed_mps=0.0)) for k in range(12)]
+    assert states[9].controls
+    assert states[-1] is State.STANDBY
+    assert engagement.exit_condition == "standing"
+    assert engagement.step(replace(READY, time_s=4.0)) is State.STANDBY
 
 
 def test_a_gearbox_that_shifts_under_way_may():

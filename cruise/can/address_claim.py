@@ -61,7 +61,8 @@ class AddressClaim:
             return
         pgn, destination = (frame.arbitration_id & _DESTINATION_MASK) >> 8, frame.arbitration_id >> 8 & 0xFF
         data = bytes(frame.data)
-        if pgn == REQUEST and destination in (EVERYBODY, self.address) and len(data) >= 3:
+        ours = destination == self.address and self.claim is not Claim.LOST  # a lost one is the winner's
+        if pgn == REQUEST and (ours or destination == EVERYBODY) and len(data) >= 3:
             if int.from_bytes(data[:3], "little") == ADDRESS_CLAIMED:
                 self._answer(frame.timestamp)
         elif pgn == ADDRESS_CLAIMED and frame.arbitration_id & 0xFF == self.address and len(data) == 8:

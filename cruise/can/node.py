@@ -76,6 +76,7 @@ class CanopenNode:
 
     def __init__(self, dictionary: canopen.ObjectDictionary, settings: CanopenSettings) -> None:
         self._network = Network()
+        self._dictionary, self._settings = dictionary, settings
         self._node_id = settings.node_id
         self._node = canopen.LocalNode(settings.node_id, dictionary)
         self._network[settings.node_id] = self._node
@@ -110,6 +111,10 @@ class CanopenNode:
             if missing:
                 raise SettingsError(f"{path}: {', '.join(sorted(missing))} not mapped in {pdo.name}; map it")
         return node
+
+    def anew(self) -> "CanopenNode":
+        """One that has yet to start, with the same objects and settings: nothing is left of this one's time."""
+        return CanopenNode(self._dictionary, self._settings)
 
     @property
     def filters(self) -> tuple[Filter, ...]:

@@ -54,7 +54,7 @@ class NodeTexts:
         if command is not None:
             if bytes(data) != _SIGNATURES[index]:
                 raise canopen.SdoAbortedError(_CANNOT)
-            if index == RESTORE and not self._may_change():
+            if not self._may_change():  # nor is stored then: the disk would hold up the loop
                 raise canopen.SdoAbortedError(_CANNOT_NOW)
             _try(command, _CANNOT)
         elif index == TEXTS["settings"]:

@@ -8,6 +8,7 @@ goes. Numbers go on where the last run ended.
 """
 
 import gzip
+import re
 from pathlib import Path
 from typing import Annotated, TextIO
 
@@ -17,6 +18,7 @@ from cruise.can.frame import Frame
 from cruise.can.log import LogWriter
 
 FLUSH_S = 1.0  # s; what a power cut costs at most
+SEGMENT = re.compile(r"(log|exit)-\d{7}\.log\.gz")
 AGAIN_S = 1.0  # s after which a segment that could not be opened is tried again
 Size = Annotated[int, msgspec.Meta(ge=1_000)]
 
@@ -44,8 +46,9 @@ class Ring:
         self._open(0.0)
 
     def segments(self) -> list[Path]:
-        """All of them, oldest first."""
-        return sorted(self.folder.glob("*-[0-9]*.log.gz"), key=lambda file: file.name[-14:])
+        """All of them, oldest first; what else lies in the folder is somebody else's."""
+        ours = (file for file in self.folder.iterdir() if SEGMENT.fullmatch(file.name))
+        return sorted(ours, key=lambda file: file.name[-14:])
 
     def write(self, frame: Frame, now_s: float) -> None:
         """Append one frame. OSError where the disk is full or gone, the same until the segment could be opened."""

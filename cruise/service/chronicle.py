@@ -2,6 +2,7 @@
 
 import math
 from collections import Counter
+from threading import Event
 
 from cruise.estimation.supervision import Decision
 from cruise.service.cruise_node import CruiseNode
@@ -40,9 +41,9 @@ class Chronicle:
             self._next_s = now_s + self._settings.every_s
             self.keep()
 
-    def keep(self) -> None:
-        """Have the state written now."""
-        self._keeper.keep(self.state())
+    def keep(self) -> Event:
+        """Have the state written now; set once it is, or could not be."""
+        return self._keeper.keep(self.state())
 
     def state(self) -> Kept:
         """Everything up to now."""

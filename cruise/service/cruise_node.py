@@ -7,6 +7,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from cruise import settings as strict
 from cruise.can.codec import Codec
 from cruise.can.frame import Frame
@@ -27,13 +29,14 @@ from cruise.service.learning import Learning
 from cruise.service.pace import Pace
 from cruise.service.settings import CruiseSettings
 from cruise.service.telling import Telling
+from cruise.settings import SettingsError
 from cruise.signals import CONTEXT, INPUT, OUTPUT, Sample
 
 SPEED_PERIOD_S = 0.1  # s, of the machine selected speed (ISO 11783-7)
 _OPERATOR = ("cruise_enable", "cruise_set", "cruise_resume", "cruise_accelerate", "cruise_coast")
 _SAFETY = ("brake_pedal", "clutch_pedal", "lever_pct")
 _ASKED = ("setpoint_mps", "cruise_enable")  # what a CANopen panel may ask for instead
-_DRIVE = (INPUT, OUTPUT, "gear", *_SAFETY)  # what an experiment needs
+_DRIVE = (INPUT, OUTPUT, "gear", *_SAFETY)  # what an experiment needs, and the controller beside what its model does
 _FRAMES = (INPUT, OUTPUT, *CONTEXT)
 _SAMPLED = (*_FRAMES, "brake_pedal", "clutch_pedal")
 
@@ -94,7 +97,7 @@ class CruiseNode:
         self.commissioning = Commissioning(
             commissioning.limits if commissioning else CommissioningLimits(), self.period_s
         )
-        self.needed = (INPUT, OUTPUT, *model.needs, *_SAFETY)
+        self.needed = tuple(dict.fromkeys((*_DRIVE, *model.needs)))
         self.ticks = 0
         self.pace = Pace(self.period_s)
         self.speed_every = max(round(SPEED_PERIOD_S / self.period_s), 1)
@@ -110,8 +113,13 @@ class CruiseNode:
         canopen = CanopenNode.load(settings.dictionary, settings.canopen) if settings.canopen else None
         commissioning = settings.commissioning
         experiments = strict.load(commissioning.experiments, Experiments).experiments if commissioning else ()
-        codec = Codec.load(settings.database, settings.can)
-        return cls(settings, files.load(settings.model), codec, canopen, experiments)
+        codec, model = Codec.load(settings.database, settings.can), files.load(settings.model)
+        if not (np.abs(model.poles).max(initial=0.0) < 1.0 and model.dc_gain_mps_per_ma > 0.0):
+            raise SettingsError(f"{settings.model}: not a stable drive with a positive gain; identify it anew")
+        try:
+            return cls(settings, model, codec, canopen, experiments)
+        except (ValueError, ArithmeticError) as error:
+            raise SettingsError(f"{settings.model}, or the settings: nothing drives with these: {error}") from error
 
     def receive(self, frame: Frame) -> list[Frame]:
         """Take one frame in, whatever it is; returns the answer to a CANopen client."""
@@ -142,7 +150,12 @@ class CruiseNode:
         situation = self._situation(now_s)
         before = self.engagement.state
         state = self.engagement.step(
-            replace(situation, healthy=situation.healthy and on_time, contradiction=contradiction)
+            replace(
+                situation,
+                healthy=situation.healthy and on_time,
+                signals_valid=situation.signals_valid and self._measured(frame),
+                contradiction=contradiction,
+            )
         )
         if state.controls and not before.controls:
             self.hearing.remember(now_s)
@@ -212,6 +225,11 @@ class CruiseNode:
         means = self.frame_sampler.sample(now_s, self.period_s)
         signals = {name: means[name] for name in (*CONTEXT, OUTPUT)}
         return Sample(now_s, means[INPUT], means[OUTPUT], signals)
+
+    def _measured(self, frame: Sample) -> bool:
+        """Whether enough of this very frame was measured to steer by, however fresh the newest readings are."""
+        means = {**frame.signals, INPUT: frame.current_ma, OUTPUT: frame.speed_mps}
+        return all(math.isfinite(means[name]) for name in self.needed if name in means)
 
     def _excite(self, now_s: float) -> float:
         """The current of the experiment, begun here where it has not yet begun."""

@@ -30,6 +30,7 @@ from cruise.service.station import FILTERS, Station
 from cruise.settings import SettingsError
 
 _NO_BUS = (BusHealth.OFF, BusHealth.LOST)
+STORED_S = 0.2  # s that the loop waits for the disk where a master has something stored; less than the watchdog's
 
 
 class Changes(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
@@ -53,7 +54,7 @@ class Daemon:
 
     `changes` are those of the run before, None at the first: then what is stored counts. `reload` asks for the next
     run; without it settings can't be written. `again` is a run that has ended, whose files were good: what it read of
-    them is not read anew, and its bus is waited for.
+    them is not read anew. Then, and under systemd, the bus is waited for: at boot an interface may come late.
     """
 
     def __init__(
@@ -81,7 +82,9 @@ class Daemon:
         if keeper is not None and settings.persistence is not None:
             self.chronicle = Chronicle(self.node, settings.persistence, state, keeper)
         self.bus = PatientBus(
-            settings.can.channel, lambda: open_bus(settings.can, filters=self._filters()), at_once=again is None
+            settings.can.channel,
+            lambda: open_bus(settings.can, filters=self._filters()),
+            at_once=again is None and not notifier.listened_to,
         )
         self._health = self.bus.health
         self._state = self._problem = ""
@@ -165,7 +168,9 @@ class Daemon:
         if self.chronicle is None or self._keeper is None:
             raise SettingsError("nothing is kept here; add the section persistence to the settings")
         self._keeper.settings = dict(self.changes)
-        self.chronicle.keep()
+        written = self.chronicle.keep().wait(STORED_S)
+        if not written or self._keeper.problem:
+            raise SettingsError(self._keeper.problem or "the disk is slow; try again")
 
     def _restore(self) -> None:
         """Back to the factory's model and the file's settings, now and after a restart."""
@@ -193,10 +198,11 @@ class Daemon:
     def _with(self, changes: Mapping[str, Any]) -> tuple[CruiseSettings, CruiseNode]:
         """Return the file's settings with `changes`, and a new node that has them. Raises SettingsError."""
         node = self.node
+        canopen = node.canopen.anew() if node.canopen is not None else None
         experiments = tuple(node.engagement.experiments.values())
         try:
             settings = msgspec.convert(_merged(msgspec.to_builtins(self.of_file), changes), CruiseSettings)
-            fresh = CruiseNode(settings, node.estimator.factory, node.codec, node.canopen, experiments)
+            fresh = CruiseNode(settings, node.estimator.factory, node.codec, canopen, experiments)
             fresh.estimator.restore(node.estimator.save())
         except (msgspec.ValidationError, ValueError, ArithmeticError) as error:
             raise SettingsError(f"object 2F00h: {error}; the settings stay as they were") from error

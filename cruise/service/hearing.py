@@ -26,7 +26,8 @@ FEW: Final = 1.0  # frame that a count may be off by
 SETPOINT: Final = "setpoint_mps"
 ENGAGING: Final = frozenset({"cruise_set", "cruise_resume"})
 """Buttons whose change two frames in a row have to report: their message has no checksum. No flipped bit may engage,
-neither as a press nor as a release of a button that is still held."""
+neither as a press nor as a release of a button that is still held. Nor may silence: at first, and after it, a button is
+unknown until two frames agree, so that one which is held is no press that was seen to begin."""
 APART_MPS: Final = 0.05  # m/s, by which two panels differ; a knob between two of its steps wavers by less
 
 
@@ -43,7 +44,7 @@ class Hearing:
         self.damaged = {name: deque([False] * LAST_FRAMES, maxlen=LAST_FRAMES) for name in PROTECTED}
         self.playback = Playback()  # of the drive's message
         self.arrivals: dict[str, deque[float]] = {}
-        self.pressed = dict.fromkeys(ENGAGING, 0.0)  # as the last frame has it
+        self.pressed = dict.fromkeys(ENGAGING, math.nan)  # as the last frame has it
         self.words: deque[float] = deque(maxlen=3)  # the last setpoints
         self.wavered: deque[float] = deque(maxlen=MOST)  # when the setpoint went back to the one before
         self.usual: dict[str, int] = {}  # frames of each message in the last second before the controller took over
@@ -66,8 +67,10 @@ class Hearing:
             if reading.name == OUTPUT and decoded.message != FAST_MESSAGE:
                 self.latest[RADAR] = (reading.time_s, reading.value)
             elif reading.name in ENGAGING:
-                _, held = self.latest.get(reading.name, (0.0, 0.0))
+                time_s, held = self.latest.get(reading.name, (-math.inf, math.nan))
                 before = self.pressed[reading.name]
+                if reading.time_s - time_s > self.sampling.stale_after(reading.name):
+                    held = before = math.nan
                 sure = reading.value == before or (math.isnan(reading.value) and math.isnan(before))
                 self.latest[reading.name] = (reading.time_s, reading.value if sure else held)
                 self.pressed[reading.name] = reading.value
@@ -84,7 +87,7 @@ class Hearing:
 
     def remember(self, now_s: float) -> None:
         """Take the present rate of every message for the usual one."""
-        self.usual = {name: self._count(name, now_s) for name in self.arrivals}
+        self.usual = {name: max(self._count(name, now_s), _rate(times)) for name, times in self.arrivals.items()}
 
     def crowding(self, now_s: float) -> float:
         """Of the busiest message, its frames in the last second over those that are usual; NaN: none is known."""
@@ -119,6 +122,12 @@ class Hearing:
 
     def _count(self, message: str, now_s: float) -> int:
         return _recent(self.arrivals[message], now_s)
+
+
+def _rate(times_s: deque[float]) -> int:
+    """How many come in a second by the pace of the last ones: a sender that was away has not sent for a whole one."""
+    span_s = times_s[-1] - times_s[0] if times_s else 0.0
+    return min(round(COUNT_S * (len(times_s) - 1) / span_s), MOST) if span_s > 0.0 else 0
 
 
 def _recent(times_s: deque[float], now_s: float) -> int:

@@ -29,6 +29,11 @@ class Notifier:
         watchdog_us = int(environment.get("WATCHDOG_USEC", "0")) if ours else 0
         return cls(environment.get("NOTIFY_SOCKET", ""), 1e-6 * watchdog_us)
 
+    @property
+    def listened_to(self) -> bool:
+        """Whether systemd has started the service."""
+        return bool(self._address)
+
     def tell(self, *lines: str) -> None:
         """Tell systemd: "READY=1", "STOPPING=1", "STATUS=engaged", ..."""
         if not self._address:

@@ -1,12 +1,13 @@
 """What survives a restart: learned parameters, statistics, settings that were written and stored by SDO. Of one
-machine and one model, never half written.
+machine, what was learned of one model as well, never half written.
 
 A file is one line with the checksum of the rest, then JSON with a version. A new one is written beside the old one and
 takes its place in one step; the old one stays as `NAME.previous`, and is read where the new one is broken:
 
     NAME.new: write, fsync;    NAME.previous: link to NAME;    NAME.new becomes NAME;    fsync of the folder
 
-so that at every instant NAME or NAME.previous is whole. What belongs to another machine or another model is refused.
+so that at every instant NAME or NAME.previous is whole. What belongs to another machine is refused. With another
+model what was learned is forgotten; settings, a lower top speed among them, and statistics are the machine's and stay.
 
 Sources: rename(2), fsync(2); T. Pillai et al., "All file systems are not created equal", OSDI 2014.
 """
@@ -53,7 +54,7 @@ class Kept(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     """The state of one machine. `learned` is what Estimator.save gave, `settings` what is other than in the file."""
 
     machine: str
-    model: str  # fingerprint of the factory model that it belongs to
+    model: str  # fingerprint of the factory model that what was learned belongs to
     learned: dict[str, Any]
     statistics: Statistics
     settings: dict[str, Any] = {}
@@ -111,6 +112,11 @@ class StateFile:
         for path in (self.path, self.previous):
             try:
                 kept = self._read(path)
+                if kept.model != self.model:
+                    problems.append(
+                        f"{path}: what was learned is for model {kept.model}, here is {self.model}: forgotten"
+                    )
+                    return Found(msgspec.structs.replace(kept, model=self.model, learned={}), tuple(problems))
                 check(kept)
             except FileNotFoundError:
                 continue
@@ -139,7 +145,6 @@ class StateFile:
         for what, found, wanted in (
             ("version", kept.version, VERSION),
             ("machine", kept.machine, self.machine),
-            ("model", kept.model, self.model),
         ):
             if found != wanted:
                 raise BrokenStateError(f"{path}: it is for {what} {found}, here is {wanted}; it is not used")
@@ -156,17 +161,19 @@ class Keeper:
         self.settings = dict(settings or {})
         self.problem = ""  # why the last one could not be written
         self._file = file
-        self._waiting: queue.SimpleQueue[Kept | None] = queue.SimpleQueue()
+        self._waiting: queue.SimpleQueue[tuple[Kept | None, threading.Event]] = queue.SimpleQueue()
         self._thread = threading.Thread(target=self._work, name="keeper", daemon=True)
         self._thread.start()
 
-    def keep(self, kept: Kept) -> None:
-        """Have `kept` written soon."""
-        self._waiting.put(msgspec.structs.replace(kept, settings=self.settings))
+    def keep(self, kept: Kept) -> threading.Event:
+        """Have `kept` written soon; set once it, or a newer one, has been written or could not be."""
+        done = threading.Event()
+        self._waiting.put((msgspec.structs.replace(kept, settings=self.settings), done))
+        return done
 
     def close(self) -> None:
         """Wait until all has been written."""
-        self._waiting.put(None)
+        self._waiting.put((None, threading.Event()))
         self._thread.join()
 
     def _work(self) -> None:
@@ -175,12 +182,16 @@ class Keeper:
             states = [self._waiting.get()]
             while not self._waiting.empty():
                 states.append(self._waiting.get())
-            open_ = states[-1] is not None
-            newest = next((kept for kept in reversed(states) if kept is not None), None)
-            if newest is None:
-                continue
-            try:
-                self._file.write(newest)
-                self.problem = ""
-            except OSError as error:
-                self.problem = f"{self._file.path}: cannot be written: {error.strerror}"
+            open_ = states[-1][0] is not None
+            newest = next((kept for kept, _ in reversed(states) if kept is not None), None)
+            if newest is not None:
+                self._write(newest)
+            for _, done in states:
+                done.set()
+
+    def _write(self, kept: Kept) -> None:
+        try:
+            self._file.write(kept)
+            self.problem = ""
+        except OSError as error:
+            self.problem = f"{self._file.path}: cannot be written: {error.strerror}"

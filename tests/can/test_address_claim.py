@@ -84,6 +84,8 @@ def test_a_smaller_name_takes_the_address_for_good(name: int):
     assert frames == [(0x18EEFFFE, NAME)], "cannot claim, once"
     end.receive(request(0xFF))
     assert [frame for k in range(10) for frame in sent(end, 2.0 + 0.05 * k)] == [(0x18EEFFFE, NAME)]
+    end.receive(request(0x11))
+    assert [frame for k in range(10) for frame in sent(end, 2.5 + 0.05 * k)] == [], "that is the winner's to answer"
     end.receive(claimed(0x11, NAME + 1, 3.0))
     assert end.claim is Claim.LOST
 

@@ -304,6 +304,26 @@ def test_what_the_filters_let_pass_is_what_the_node_acts_on():
     assert len(passed) == 3 + 0x100, "and the heartbeats of all nodes, for 1016h may name any"
 
 
+def test_a_node_made_anew_has_a_time_of_its_own_and_nobody_elses_callbacks():
+    end, told = started(), []
+    end.describe(
+        NodeTexts(
+            texts={"settings": lambda: "old", "learned": lambda: "", "statistics": lambda: ""},
+            store=lambda: None,
+            restore=lambda: None,
+            may_change=lambda: True,
+            change=told.append,
+        )
+    )
+    sent(end, 5000.0)
+    other = end.anew()
+    assert 0x711 in [identifier for identifier, _ in sent(other, 0.0)], "it boots up"
+    beats = [identifier for k in range(1, 40) for identifier, _ in sent(other, 0.1 * k)].count(0x711)
+    assert beats >= 3
+    answered(other, "23002f00" + b"text".hex())
+    assert told == []
+
+
 def answered(end: CanopenNode, request: str) -> str:
     end.receive(frame(0x611, request, time_s=1.0))
     return next(data for identifier, data in sent(end, 1.0) if identifier == 0x591)
@@ -325,9 +345,10 @@ def test_texts_and_commands_by_sdo():
     save, load = b"save".hex(), b"load".hex()
     assert answered(end, "23101001" + load) == "8010100120000008", "not its signature"
     assert done == []
-    assert answered(end, "23101001" + save) == "6010100100000000"
-    assert answered(end, "23111001" + load) == "8011100122000008", "not while it drives"
+    assert answered(end, "23101001" + save) == "8010100122000008", "not while it drives"
+    assert answered(end, "23111001" + load) == "8011100122000008"
     drives = False
+    assert answered(end, "23101001" + save) == "6010100100000000"
     assert answered(end, "23111001" + load) == "6011100100000000"
     assert done == ["store", "restore"]
     assert answered(end, "23002f00" + save) == "80002f0002000106", "read only where nobody takes it"

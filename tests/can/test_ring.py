@@ -94,6 +94,19 @@ def test_numbers_go_on_at_the_next_start(tmp_path: Path):
     assert kept == [f"log-{number:07}.log.gz" for number in (1, 2, 3)]
 
 
+def test_other_files_in_the_folder_are_left_alone(tmp_path: Path):
+    others = [
+        tmp_path / name for name in ("drive-20240101.log.gz", "drive-2.log.gz", "log-1.log.gz", "log-0000009.log")
+    ]
+    for other in others:
+        other.write_bytes(b"x" * 100_000)
+    ring = Ring(tmp_path, SETTINGS, "can0")
+    fill(ring, 0.0, 60.0)
+    ring.close()
+    assert all(other.exists() for other in others)
+    assert (tmp_path / "log-0000001.log.gz").exists() or ring.segments()
+
+
 def test_a_folder_that_is_gone_when_a_segment_ends_costs_no_more_than_a_second_beyond(tmp_path: Path):
     folder, away = tmp_path / "box", tmp_path / "away"
     ring = Ring(folder, SETTINGS, "can0")

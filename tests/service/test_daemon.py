@@ -15,11 +15,14 @@ from cruise.can.settings import CanSettings
 from cruise.cli.places import CONFIG
 from cruise.control.engagement import State
 from cruise.estimation.supervision import Change, Decision
+from cruise.model import files
+from cruise.model.files import Provenance
 from cruise.service import settings as service_settings
 from cruise.service.daemon import Daemon
 from cruise.service.notify import Notifier
 from cruise.service.persistence import PersistenceSettings
 from cruise.service.settings import CruiseSettings
+from cruise.settings import SettingsError
 
 
 @pytest.fixture
@@ -79,6 +82,38 @@ def test_what_cannot_be_kept_is_said_once(settings: CruiseSettings, tmp_path: Pa
     (tmp_path / "kept" / "state.new").symlink_to("/dev/full")
     run(daemon, 20)
     assert len([line for line in said if "No space left on device" in line]) == 1
+
+
+def test_what_could_not_be_stored_is_no_success(settings: CruiseSettings, tmp_path: Path):
+    daemon = Daemon(settings, Notifier.of({}), print)
+    daemon._store()
+    (tmp_path / "kept" / "state.new").symlink_to("/dev/full")
+    with pytest.raises(SettingsError, match="No space left on device"):
+        daemon._store()
+    run(daemon, 2)
+
+
+def test_settings_that_a_master_stored_outlive_a_new_model(settings: CruiseSettings, tmp_path: Path):
+    first = Daemon(settings, Notifier(""), print, reload=lambda: None)
+    first._change('{"engagement": {"speed_max_mps": 3.0}}')
+    first._store()
+    run(first, 2)
+    model = files.load(settings.model)
+    files.save(tmp_path / "better.yaml", model.with_theta(1.01 * value for value in model.theta), Provenance())
+    second = Daemon(structs.replace(settings, model=str(tmp_path / "better.yaml")), Notifier(""), print)
+    assert second.settings.engagement.speed_max_mps == 3.0
+    second.bus.close()
+
+
+def test_a_run_after_a_bad_file_goes_on_with_a_node_that_lives(settings: CruiseSettings):
+    first = Daemon(settings, Notifier(""), print, reload=lambda: None)
+    run(first, 40)
+    with open_bus(settings.can) as far:
+        second = Daemon(first.of_file, Notifier(""), print, first.changes, lambda: None, again=first)
+        run(second, 40)
+        heard = [frame.arbitration_id for frame in far.drain()]
+    assert second.node.canopen is not first.node.canopen
+    assert 0x711 in heard, "its heartbeat"
 
 
 def test_a_decision_about_a_learned_model_is_said_once_and_kept(settings: CruiseSettings):

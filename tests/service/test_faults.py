@@ -221,11 +221,13 @@ class Holey(StreamSampler):
         return super().sample(until_s, period_s) | {"ground_speed_mps": math.nan}
 
 
-def test_a_hole_in_the_sample_ends_the_drive_before_a_neutral_pump_is_commanded_as_active():
+@pytest.mark.parametrize("sampler", ["sampler", "frame_sampler"])
+def test_a_hole_in_the_sample_ends_the_drive_before_a_neutral_pump_is_commanded_as_active(sampler):
     drive = Whole().run(FAULT_S)
-    drive.node.sampler = Holey(drive.node.settings.sampling)
+    setattr(drive.node, sampler, Holey(drive.node.settings.sampling))
     drive.run(END_S)
     left_for_good(drive, ExitReason.FUNCTION_FAULT)
+    assert drive.node.engagement.exit_condition == "signals_lost"
 
 
 @pytest.fixture(scope="module")

@@ -97,19 +97,40 @@ def test_a_setpoint_that_goes_back_and_forth_is_counted(words, times):
 @pytest.mark.parametrize("button", ["cruise_set", "cruise_resume"])
 def test_one_frame_alone_neither_presses_nor_lets_go_a_button_that_engages(button):
     ears, heard = hearing(), []
-    for number, pressed in enumerate((0, 1, 0, 1, 1, 0, 1, 1, 0, 0)):
+    for number, pressed in enumerate((0, 0, 1, 0, 1, 1, 0, 1, 1, 0, 0)):
         now_s = 1.0 + 0.1 * number
         ears.take(codec().encode("CCVS", {button: float(pressed), "brake_pedal": float(pressed)}, now_s))
         heard.append(ears.value(button, now_s))
         assert ears.value("brake_pedal", now_s) == pressed  # what ends it acts at once
-    assert heard == [0, 0, 0, 0, 1, 1, 1, 1, 1, 0]
+    assert heard[1:] == [0, 0, 0, 0, 1, 1, 1, 1, 1, 0]
+
+
+@pytest.mark.parametrize("button", ["cruise_set", "cruise_resume"])
+def test_a_button_that_is_held_at_first_or_after_silence_is_unknown_until_two_frames_agree(button):
+    ears, heard = hearing(), []
+    for now_s in (1.0, 1.1, 1.2, 1.6, 1.7, 1.8):
+        ears.take(codec().encode("CCVS", {button: 1.0}, now_s))
+        heard.append(ears.value(button, now_s))
+    assert [math.isnan(value) for value in heard] == [True, False, False, True, False, False]
+    assert all(value in (1.0,) for value in heard if not math.isnan(value)), "it was never seen released"
+
+
+def test_the_usual_rate_of_a_sender_that_was_away_is_that_of_its_last_frames():
+    ears, sender = hearing(), codec()
+    times_s = [0.1 * k for k in range(20)] + [3.4 + 0.1 * k for k in range(40)]
+    for time_s in times_s:
+        ears.take(sender.encode("CCVS", {"cruise_set": 0.0}, time_s))
+        if time_s == pytest.approx(3.6):
+            ears.remember(time_s)
+        elif time_s > 3.6:
+            assert ears.crowding(time_s) < 1.2
 
 
 def test_a_button_that_stays_unknown_is_unknown():
     ears = hearing()
     for number, pressed in enumerate((1.0, 1.0, math.nan, math.nan)):
         ears.take(codec().encode("CCVS", {"cruise_set": pressed}, 1.0 + 0.1 * number))
-        assert math.isnan(ears.value("cruise_set", 1.0 + 0.1 * number)) == (number == 3)
+        assert math.isnan(ears.value("cruise_set", 1.0 + 0.1 * number)) == (number in (0, 3))
 
 
 def test_frames_of_the_drive_that_come_again_are_heard_whatever_their_counters_say():

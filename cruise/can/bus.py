@@ -171,6 +171,7 @@ class PatientBus(Bus):
     def __init__(self, name: str, open_again: Callable[[], Bus], at_once: bool = True) -> None:
         super().__init__(name)
         self.losses = 0
+        self.problem = ""  # why it could not be opened, the last time
         self._open = open_again
         self._bus: Bus | None = open_again() if at_once else None
         self.health = BusHealth.ACTIVE if at_once else BusHealth.LOST
@@ -217,8 +218,9 @@ class PatientBus(Bus):
             time.sleep(min(wait_s, timeout_s))
             return
         try:
-            self._bus = self._open()
-        except SettingsError:
+            self._bus, self.problem = self._open(), ""
+        except SettingsError as error:
+            self.problem = str(error)
             self._pause()
 
     def _pause(self) -> None:

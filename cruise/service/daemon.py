@@ -87,7 +87,7 @@ class Daemon:
             at_once=again is None and not notifier.listened_to,
         )
         self._health = self.bus.health
-        self._state = self._problem = ""
+        self._state = self._problem = self._no_bus = ""
         self._decision: Decision | None = None
         if self.node.canopen is not None:
             self.node.canopen.describe(self._texts())
@@ -121,6 +121,9 @@ class Daemon:
         if self.bus.health is not self._health:
             self.say(f"bus {self.settings.can.channel}: {self._health} -> {self.bus.health}")
             self._health = self.bus.health
+        if self.bus.problem != self._no_bus:
+            self._no_bus = self.bus.problem
+            self.say(f"waits for its bus: {self._no_bus}" if self._no_bus else "its bus is there")
         if self.node.engagement.state != self._state:
             self._state = self.node.engagement.state
             self.notifier.tell(f"STATUS={self._state}")

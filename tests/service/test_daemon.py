@@ -74,6 +74,19 @@ def test_systemd_is_told_and_the_watchdog_is_fed(settings: CruiseSettings, tmp_p
     assert 5 <= told.count("WATCHDOG=1") <= 10, "every 50 ms, and at most once a tick"
 
 
+def test_under_systemd_an_interface_that_comes_late_is_waited_for(settings: CruiseSettings, tmp_path: Path):
+    absent = structs.replace(settings, can=CanSettings(bus="socketcan", channel="never0"))
+    with pytest.raises(SettingsError):
+        Daemon(absent, Notifier(""), print)
+    said: list[str] = []
+    daemon = Daemon(absent, Notifier(str(tmp_path / "notify")), said.append)
+    assert daemon.bus.health is BusHealth.LOST
+    run(daemon, 10)
+    assert daemon.node.engagement.state is State.OFF
+    assert [line for line in said if line.startswith("waits for its bus")] == said, "once, with the remedy"
+    assert len(said) == 1
+
+
 def test_what_cannot_be_kept_is_said_once(settings: CruiseSettings, tmp_path: Path):
     assert settings.persistence is not None
     kept = structs.replace(settings.persistence, every_s=0.1)

@@ -230,6 +230,18 @@ def test_a_hole_in_the_sample_ends_the_drive_before_a_neutral_pump_is_commanded_
     assert drive.node.engagement.exit_condition == "signals_lost"
 
 
+@pytest.mark.parametrize("crop_power_kw", [300.0, 350.0])
+def test_a_plugged_machine_stands_lets_go_and_does_not_drive_off_by_itself(crop_power_kw):
+    """300 kW are more than the engine has, with 350 it stalls; 12 s later all is well again, and nobody pressed."""
+    plugged = (FieldRow(at_s=12.0, crop_power_kw=crop_power_kw), FieldRow(at_s=30.0, crop_power_kw=0.0))
+    drive = Whole(field=plugged).run(48.0)
+    assert drive.engaged_at(11.9)
+    assert drive.states[-1][1] in (State.STANDBY, State.FAULT)
+    assert drive.states[-1][0] < 30.0, "while it stood"
+    assert not any(heard.active for heard in drive.listener.commands if heard.time_s > 30.0)
+    assert abs(drive.combine.truth.ground_speed_mps) < 0.05
+
+
 @pytest.fixture(scope="module")
 def steady() -> Whole:
     return Whole().run(ENGAGE_S + 14.0)

@@ -41,6 +41,12 @@ INSIDE: Final = (
         lambda r: insides.Worn(r.uniform(0.5, 1.3)),
         bounded=True,
     ),
+    FaultRow(
+        "drum plugged",
+        "it takes 150 to 350 kW, more than the engine has left",
+        "engine load; a machine that stands",
+        lambda r: insides.Plugged(r.uniform(150.0, 350.0)),
+    ),
     FaultRow("brake acts unseen", "its switch says nothing", MODEL, lambda r: insides.Held(brake=r.uniform(0.1, 0.6))),
     FaultRow(
         "drive line opens unseen",

@@ -52,6 +52,17 @@ class Held(Fault):
         return replace(inputs, brake=max(inputs.brake, self.brake), clutch=inputs.clutch or self.clutch)
 
 
+class Plugged(Fault):
+    """The drum takes more power than the engine has left."""
+
+    def __init__(self, power_kw: float) -> None:
+        self.power_kw = power_kw
+
+    def inputs(self, inputs: Inputs, now_s: float) -> Inputs:
+        """So much more crop."""
+        return replace(inputs, crop_power_kw=inputs.crop_power_kw + self.power_kw)
+
+
 class Worn(Fault):
     """The pump has lost, or gained, displacement."""
 

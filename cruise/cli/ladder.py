@@ -74,7 +74,8 @@ def rungs_of(history: tuple[Step, ...]) -> list[Rung]:
         share = None
         if floor_mps is not None and floor_mps < top_mps:
             share = (top_mps - step.error_after_mps) / (top_mps - floor_mps)
-        rungs.append(Rung(f"+ {step.effect}" if step.effect else step.structure, step, share))
+        name = f"+ {', '.join((step.effect, *step.brought_along))}" if step.effect else step.structure
+        rungs.append(Rung(name, step, share))
     return rungs
 
 
@@ -90,6 +91,7 @@ def report(model: Path, rungs: list[Rung]) -> dict[str, Any]:
         "steps": [
             {
                 "effect": one.step.effect or None,
+                "brought_along": list(one.step.brought_along),
                 "structure": one.step.structure or None,
                 "error_before_mps": one.step.error_before_mps,
                 "error_after_mps": one.step.error_after_mps,

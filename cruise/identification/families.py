@@ -10,7 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
-from cruise.identification.regressors import Smooth, checked_signals, smoothed_runs
+from cruise.identification.regressors import FitError, Smooth, checked_signals, smoothed_runs
 from cruise.model import prediction
 from cruise.model.model import Model
 from cruise.model.prediction import Driven
@@ -153,14 +153,14 @@ def why_unstable(poles: np.ndarray) -> str:
 def split_over(model: Model, recording: Recording, smooth: Smooth | None) -> Driven | None:
     """The model over a recording as what past speeds do and what the rest does, filtered; None if effects read speed.
 
-    Raises ValueError where they do and a filter is wanted: what is filtered then is not known before the prediction.
+    Raises FitError where they do and a filter is wanted: what is filtered then is not known before the prediction.
     """
     signals = checked_signals(model, recording)
     state = prediction.states_over(model, recording.input, recording.output, signals)
     if model.reads_speed:
         if smooth is not None:
             names = ", ".join(effect.name for effect in model.effects)
-            raise ValueError(f"an effect of {names} reads the speed: the input can't be filtered before the prediction")
+            raise FitError(f"an effect of {names} reads the speed: the input can't be filtered before the prediction")
         return None
     split = prediction.driven(model, state, len(recording))
     return split if smooth is None else replace(split, forced=smoothed_runs(split.forced, smooth))

@@ -170,7 +170,8 @@ def _search_stepwise(
 def _real_poles(model: Model) -> list[tuple[float, np.ndarray]]:
     """Starts for a (na,): real poles, the slowest with a plausible time constant, the others 2, 3.. times as fast."""
     speeds = np.arange(1, model.na + 1)
-    return [(tau_s, -np.poly(np.exp(-model.period_s / tau_s * speeds))[1:]) for tau_s in TIME_CONSTANTS_S]
+    polynomials = [np.atleast_1d(np.poly(np.exp(-model.period_s / tau_s * speeds))) for tau_s in TIME_CONSTANTS_S]
+    return [(tau_s, -one[1:]) for tau_s, one in zip(TIME_CONSTANTS_S, polynomials, strict=True)]
 
 
 def _stable(a: np.ndarray) -> np.ndarray:

@@ -75,6 +75,7 @@ def fit_shapes(
     show: Callable[[str], None] | None = None,
 ) -> Model:
     """Fit the named shape parameters together with the linear ones; `show` is told what is being looked for."""
+    judged_by = None if model.reads_speed else smooth  # what reads the speed can't be filtered before the prediction
     effects = {effect.name: effect for effect in model.effects}
     bounds = [effects[name].parameters[parameter] for name, parameter in shapes]
     size = np.array([bound.high - bound.low for bound in bounds])
@@ -88,7 +89,7 @@ def fit_shapes(
 
     def error_mps(values: np.ndarray) -> float:
         try:
-            error = ahead_rms_mps(shaped(values), recordings, horizon_s, smooth)
+            error = ahead_rms_mps(shaped(values), recordings, horizon_s, judged_by)
         except FitError:  # a dead zone wider than every current, say: the search goes elsewhere
             return math.inf
         return error if math.isfinite(error) else math.inf

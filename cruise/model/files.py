@@ -90,6 +90,7 @@ class Step(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     """One step of a model's history: what was added to it, what that was worth, and what it was before."""
 
     effect: str = ""  # none for the first step of a model that began as a structure
+    brought_along: tuple[str, ...] = ()  # effects without which it could not be: a dead zone where the drive begins
     structure: str = ""  # that was fitted in that first step
     error_before_mps: NotNegative | None = None  # RMS on held-out blocks, without the effect, fitted to the same data
     error_after_mps: NotNegative

@@ -34,10 +34,11 @@ def history_of(path: str | Path, file: ModelFile) -> tuple[Step, ...]:
         model_of(f"{where}.before", step.before)
         after = file.history[i + 1].before if i + 1 < len(file.history) else file
         earlier, later = names_of(step.before), names_of(after) if after else frozenset()
-        if after and (step.effect in earlier or earlier | {step.effect} != later):
+        added = (step.effect, *step.brought_along)
+        if after and (not earlier.isdisjoint(added) or earlier.union(added) != later):
             raise SettingsError(
-                f"{where}: {step.effect or 'nothing'} is said to have been added to {_listed(earlier)}, but the model "
-                f"after it has {_listed(later)}; restore the file"
+                f"{where}: {' and '.join(added) or 'nothing'} is said to have been added to {_listed(earlier)}, "
+                f"but the model after it has {_listed(later)}; restore the file"
             )
     return file.history
 

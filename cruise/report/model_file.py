@@ -58,6 +58,7 @@ def model_file(
         history = (step(structure=structure.name or str(structure), error_after_mps=added.error_before_mps),)
     last = step(
         effect=added.effect,
+        brought_along=added.brought_along,
         error_before_mps=added.error_before_mps,
         error_after_mps=added.error_after_mps,
         before=before,

@@ -19,6 +19,7 @@ from cruise.model.model import Model
 from cruise.recording import Recording, resample
 from cruise.signals import OUTPUT
 from cruise.validation.candidates import Candidate, EffectCandidate, candidate_of, why_not
+from cruise.validation.complete import complete
 from cruise.validation.explanation import START, Explanation
 from cruise.validation.line_pressure import force_of_a_bar
 from cruise.validation.search import Judged, Search
@@ -64,8 +65,9 @@ def study(
     """
     if structure.family is Family.NARX:
         raise FitError("a NARX model has polynomials in place of effects: diagnose an arx, armax or oe model")
-    prepared = at_period(recordings, period_s)
     effects: tuple[Effect, ...] = file.effects if file else tuple(EFFECTS[name]() for name in structure.effects)
+    recordings = complete(recordings, {name for effect in effects for name in effect.uses})
+    prepared = at_period(recordings, period_s)
     for effect in effects:
         reason = why_not(type(effect), prepared) if effect.name in EFFECTS else ""
         if reason and "never moves" not in reason:

@@ -225,3 +225,18 @@ def test_one_frequency_can_not_tell_many_parameters_apart():
     one = recording(700.0 + 200.0 * wave, 1.0 + 0.5 * wave)
     with pytest.raises(FitError, match=r"only \d of 11 parameters can be told apart.*drive steps of different size"):
         identify(PRESETS["arx2"], [one], RAW)
+
+
+@pytest.mark.parametrize(
+    "structure",
+    [
+        "arx:na=1,nb=3,delay_s=0.4+speed_droop",
+        "armax:na=1,nb=3,nc=1,delay_s=0.4+speed_droop",
+        "oe:nf=0,nb=2,delay_s=0.4+speed_droop",
+    ],
+)
+def test_an_effect_that_reads_the_speed_is_found_with_filtered_training_too(structure):
+    found = identify(parse(structure), [SYSTEMS["arx"].record(3)], FILTERED)
+    assert not found.filtered, "what a speed moves can't be filtered before the prediction"
+    assert np.isfinite(found.fitted.theta).all()
+    assert found.training.samples > 0

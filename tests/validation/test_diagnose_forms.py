@@ -7,14 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cruise import settings
 from cruise.effects.coulomb_friction import CoulombFriction
 from cruise.effects.dead_zone import DeadZone
 from cruise.effects.engine_speed import EngineSpeed
 from cruise.effects.grade import Grade
 from cruise.effects.oil_temperature import OilTemperature
 from cruise.effects.sensor_bias import SensorBias
+from cruise.model import files
+from cruise.model.history import history_of, undone
 from cruise.recording import Recording
 from cruise.report.diagnosis import sentence
+from cruise.report.model_file import model_file
 from cruise.signals import INPUT, OUTPUT
 from cruise.validation import ladder
 from cruise.validation.diagnose import Diagnosis, Verdict, diagnose
@@ -151,7 +155,7 @@ def test_friction_of_which_there_is_more_at_rest_is_dry_friction():
     assert 0.06 < effect.stribeck_mps < 0.24  # 0.12, likewise
 
 
-def test_a_gain_about_the_current_at_which_the_drive_begins_needs_no_dead_zone_to_be_found():
+def test_a_gain_about_the_current_at_which_the_drive_begins_needs_no_dead_zone_to_be_found(tmp_path):
     """Never driven below it, the drive looks as if it had an offset, which the engine speed does not scale."""
     rpm = 1800.0 + wander(SAMPLES, DT_S, 15, 150.0, 10.0)
     columns = {"pitch_deg": PITCH, "engine_speed_rpm": rpm}
@@ -167,6 +171,11 @@ def test_a_gain_about_the_current_at_which_the_drive_begins_needs_no_dead_zone_t
     assert added.brought_along == ("dead_zone",)
     assert [effect.name for effect in added.model.effects] == ["dead_zone", "engine_speed"]
     assert added.error_after_mps < 1.1 * 0.01
+    path, floor = tmp_path / "better.yaml", ladder.floor(one.study, [held], added)
+    settings.save(path, model_file(str(path), STRUCTURE, None, (), one.study, added, floor, "2026-01-01"))
+    *_, step = history_of(path, files.read(path))
+    assert (step.effect, step.brought_along) == ("engine_speed", ("dead_zone",))
+    assert not undone(path, files.read(path)).effects
 
 
 def above(current_ma: np.ndarray) -> np.ndarray:

@@ -1,0 +1,47 @@
+"""Every candidate is judged on the same samples: a signal that is known part of the time only would choose its own.
+
+An effect whose signal is missing where the drive is rough would seem to lower the error. So a signal with holes in more
+than a tenth of the time is as good as not recorded, unless the model needs it, and where one of the others has a hole,
+the recording has.
+"""
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from cruise.recording import Recording
+from cruise.signals import INPUT, OUTPUT
+
+LEAST_KNOWN: Final = 0.9  # of the time in which current and speed are known
+
+
+def complete(recordings: Sequence[Recording], needed: Collection[str]) -> list[Recording]:
+    """The recordings with holes where a signal has one, without the signals that have too many; their notes say so."""
+    names = set.intersection(*(set(one.columns) for one in recordings)) - {INPUT, OUTPUT}
+    there = [np.isfinite(one.input) & np.isfinite(one.output) for one in recordings]
+    driven = max(sum(int(known.sum()) for known in there), 1)
+
+    def known_in(kept: Collection[str]) -> list[np.ndarray]:
+        return [
+            known & np.all([np.isfinite(one.columns[name]) for name in kept], axis=0)
+            for one, known in zip(recordings, there, strict=True)
+        ]
+
+    def share(kept: Collection[str]) -> float:
+        return sum(int(known.sum()) for known in known_in(kept)) / driven
+
+    shares = {name: share([name]) for name in names}
+    spare = sorted(names.difference(needed), key=lambda name: (shares[name], name))
+    notes = []
+    while spare and share(names) < LEAST_KNOWN * share(names.intersection(needed)):
+        name = spare.pop(0)
+        names.discard(name)
+        notes.append(f"{name}: known in {100.0 * shares[name]:.0f} % of the time only, left out: it can't be blamed")
+    result = []
+    for one, known in zip(recordings, known_in(names), strict=True):
+        columns = {name: values for name, values in one.columns.items() if name in names}
+        drive = {name: np.where(known, one.columns[name], np.nan) for name in (INPUT, OUTPUT)}
+        result.append(replace(one, columns={**columns, **drive}, notes=(*one.notes, *notes)))
+    return result

@@ -1,0 +1,55 @@
+"""A signal that is known part of the time only does not choose the samples on which its effect is judged."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cruise.recording import Recording
+from cruise.signals import INPUT, OUTPUT
+from cruise.validation.complete import complete
+from cruise.validation.diagnose import Verdict, diagnose
+from cruise.validation.study import study
+from tests.validation.diagnosing import DT_S, PERIOD_S, SECONDS, STRUCTURE
+from tests.validation.driving import drive
+
+
+def recorded(**holes: slice) -> Recording:
+    rng, columns = np.random.default_rng(3), {}
+    for name in (INPUT, OUTPUT, "pitch_deg", "oil_temperature_c"):
+        columns[name] = rng.normal(size=100)
+        columns[name][holes.get(name, slice(0))] = np.nan
+    return Recording(0.1 * np.arange(100), columns, 0.1, "a.csv")
+
+
+def test_a_signal_with_many_holes_is_left_out_and_one_with_few_makes_holes_of_the_recording():
+    (one,) = complete([recorded(oil_temperature_c=slice(0, 40), pitch_deg=slice(90, 95))], ())
+    assert set(one.columns) == {INPUT, OUTPUT, "pitch_deg"}
+    assert one.notes == ("oil_temperature_c: known in 60 % of the time only, left out: it can't be blamed",)
+    assert np.flatnonzero(np.isnan(one.output)).tolist() == [90, 91, 92, 93, 94]
+    assert np.isnan(one.input[90:95]).all()
+
+
+def test_what_the_model_needs_stays_and_the_recording_has_its_holes():
+    (one,) = complete([recorded(oil_temperature_c=slice(0, 40))], {"oil_temperature_c"})
+    assert "oil_temperature_c" in one.columns
+    assert np.isnan(one.output).sum() == 40
+
+
+def test_holes_that_are_few_each_and_many_together_cost_the_signal_that_has_most():
+    (one,) = complete([recorded(oil_temperature_c=slice(0, 9), pitch_deg=slice(50, 58))], ())
+    assert set(one.columns) == {INPUT, OUTPUT, "pitch_deg"}
+
+
+@pytest.mark.parametrize("from_s", [0.0, SECONDS / 2])
+def test_a_sensor_that_is_missing_where_the_ground_is_rough_is_not_what_is_missing(from_s):
+    samples = round(SECONDS / DT_S)
+    rng = np.random.default_rng(5)
+    there = (np.arange(samples) * DT_S >= from_s) & (np.arange(samples) * DT_S < from_s + SECONDS / 2)
+    rough = np.where(there, 0.01, 0.10) * np.convolve(rng.normal(size=samples), np.ones(20) / np.sqrt(20), "same")
+    oil = np.where(there, np.linspace(20.0, 70.0, samples), np.nan)
+    one = drive(SECONDS, 4, DT_S, 0.01, columns={"oil_temperature_c": oil})
+    one = replace(one, columns={**one.columns, OUTPUT: one.output + rough})
+    found = diagnose(study([one], STRUCTURE, None, PERIOD_S))
+    assert found.verdict is not Verdict.MISSING
+    assert "oil_temperature_c" not in found.signals

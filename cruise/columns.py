@@ -20,6 +20,8 @@ from cruise.signals import CONTEXT, INPUT, OUTPUT, SIGNALS
 TIME: Final = "time_s"
 MAX_STEP_S: Final = 3.0  # no prediction that is judged 3 s ahead can be made from rarer readings
 MAX_GAP_NOTES: Final = 5
+MOST_CODES: Final = 2  # values that a logger writes for "error" and "not available"; what is measured has more
+CODES_APART: Final = 0.25  # of a signal's range, by which they are apart from all that was measured
 FULL_MA: Final = 1000.0  # mA, what an input that is a share of all is taken to be of
 SHARES: Final = ((1.5, "a share of all", FULL_MA), (150.0, "per cent", 0.01 * FULL_MA))
 """The largest input that is none in mA, what it is, and mA per unit of it: no pump's servo moves below 150 mA."""
@@ -72,8 +74,8 @@ def tabulated(
         time_s = 1e-3 * time_s
         said.append(f"{time}: read as ms; columns: {{{time}: {{scale: 1}}}} in the file of --columns takes it as s")
     keep = _usable_rows(source, time, time_s, place, said)
+    columns = {name: _last_of_each(time_s, values, keep) for name, values in raw.items() if name != time}
     time_s = time_s[keep]
-    columns = {name: Readings(time_s, values[keep]) for name, values in raw.items() if name != time}
     signals = _signals(source, columns, current, speed, settings, said, ("rows", "cells hold no number, not measured"))
     if current not in settings.columns:
         signals[INPUT] = _in_ma(current, signals[INPUT], said)
@@ -175,13 +177,18 @@ def _signals(
             raise RecordingError(
                 f"{source}: two columns would be {signal}; one of them is {name!r}; rename one in columns"
             )
+        values, codes = _without_codes(signal, _scaled(readings.values, settings.columns.get(name)))
+        if len(codes):
+            said = " and ".join(f"{code:g}" for code in codes)
+            there = int(np.isnan(values).sum() - np.isnan(readings.values).sum())
+            notes.append(f"{name}: {said}, {there} times, is nothing that {signal} can be: not measured")
         missing, count = int(np.isnan(readings.values).sum()), len(readings.values)
         if missing == count and name not in (current, speed):
             notes.append(f"{name}: holds no number, left out")
             continue
         if missing:
             notes.append(f"{name}: {missing} of {count} {not_measured}")
-        signals[signal] = Readings(readings.time_s, _scaled(readings.values, settings.columns.get(name)))
+        signals[signal] = Readings(readings.time_s, values)
     if settings.active_when is not None:
         gate = settings.active_when
         signals[INPUT], off = _gated(signals[INPUT], columns[gate.column], gate.above)
@@ -265,9 +272,9 @@ def _usable_rows(
             f"{place(int(timed[at + 1]))}: time runs backwards, from {before:.10g} s to {after:.10g} s; "
             "split the file there: each part is a recording of its own"
         )
-    kept = timed[np.append(steps > 0.0, True)[: len(timed)]]  # of rows with one time, the last one holds
+    kept = timed[np.append(steps > 0.0, True)[: len(timed)]]  # of rows with one time, the last number of each column
     if len(kept) < len(timed):
-        notes.append(f"{len(timed) - len(kept)} rows repeat the time of the next one, left out")
+        notes.append(f"{len(timed) - len(kept)} rows have the time of the next one: they count as one with it")
     if len(kept) < MIN_SAMPLES:
         raise RecordingError(f"{source}: {len(kept)} usable rows are too few; a recording needs {MIN_SAMPLES} at least")
     step_s = typical_step(time_s[kept])
@@ -277,6 +284,33 @@ def _usable_rows(
             f"file of --columns: columns: {{{time}: {{scale: 0.001}}}}"
         )
     return kept
+
+
+def _last_of_each(time_s: FloatArray, values: FloatArray, kept: npt.NDArray[np.intp]) -> Readings:
+    """Return one column at the rows `kept`, the last ones of their times: there or before, its last number counts."""
+    found = values[kept]
+    begins = np.concatenate([[0], kept[:-1] + 1])
+    for at in np.flatnonzero(np.isnan(found) & (kept > begins)):
+        rows = np.arange(begins[at], kept[at])
+        known = rows[(time_s[rows] == time_s[kept[at]]) & ~np.isnan(values[rows])]
+        if len(known):
+            found[at] = values[known[-1]]
+    return Readings(time_s[kept], found)
+
+
+def _without_codes(signal: str, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the values without those of "error" and "not available", and these: one or two far beyond the others."""
+    if signal not in SIGNALS:
+        return values, np.zeros(0)
+    low, high = SIGNALS[signal].low, SIGNALS[signal].high
+    inside = (values >= low) & (values <= high)
+    beyond = ~inside & ~np.isnan(values)
+    codes = np.unique(values[beyond])
+    if not inside.any() or not 0 < len(codes) <= MOST_CODES:
+        return values, np.zeros(0)
+    least, most = values[inside].min(), values[inside].max()
+    apart = np.where(codes > high, codes - most, least - codes) > CODES_APART * (high - low)
+    return (np.where(beyond, np.nan, values), codes) if apart.all() else (values, np.zeros(0))
 
 
 def _gated(current: Readings, flag: Readings, above: float) -> tuple[Readings, int]:

@@ -107,7 +107,8 @@ def _read_rows(path: str | Path, lines: Sequence[str], delimiter: str) -> tuple[
     reader = csv.reader(lines, delimiter=delimiter, skipinitialspace=True)
     rows: list[tuple[int, list[str]]] = []
     try:
-        header = [name.strip() for name in next(reader, [])]
+        names = [name.strip() for name in next(reader, [])]
+        header = [name or f"column {number}" for number, name in enumerate(names, 1)]  # a separator too many at its end
         for row in reader:
             if len(row) > len(header):
                 raise RecordingError(
@@ -118,7 +119,7 @@ def _read_rows(path: str | Path, lines: Sequence[str], delimiter: str) -> tuple[
                 rows.append((reader.line_num, row + [""] * (len(header) - len(row))))
     except csv.Error as error:
         raise RecordingError(f"{path}:{reader.line_num}: {error}; is it a CSV file?") from error
-    if not any(header) or all(not math.isnan(_number(name)) for name in header):
+    if not any(names) or all(not math.isnan(_number(name)) for name in names):
         raise RecordingError(f"{path}:1: no header line; the first line has to name the columns")
     twice = {name for name in header if header.count(name) > 1}
     if twice:

@@ -31,7 +31,7 @@ def test_an_even_file_is_taken_as_it_is(tmp_path):
 )
 @hypothesis.settings(max_examples=50)
 def test_what_is_written_reads_back_equal(dt_s, start_s, values):
-    columns = {INPUT: np.array(values), OUTPUT: np.array(values[::-1]), "header_height_mm": np.array(values)}
+    columns = {INPUT: np.array(values), OUTPUT: np.array(values[::-1]) / 100.0, "header_height_mm": np.array(values)}
     written = Recording(start_s + dt_s * np.arange(len(values)), columns, dt_s, "made up")
     with tempfile.TemporaryDirectory() as folder:
         write_csv(written, Path(folder) / "drive.csv")
@@ -130,10 +130,48 @@ def test_bad_cells_and_rows_are_counted_not_taken(tmp_path):
     np.testing.assert_allclose(read.output[:19], 0.2 * np.arange(19), atol=1e-9)
     assert read.notes == (
         "1 rows have no time, left out",
-        "1 rows repeat the time of the next one, left out",
+        "1 rows have the time of the next one: they count as one with it",
         "pump_current_ma: 3 of 19 cells hold no number, not measured",
         "ground_speed_mps: 3 of 19 cells hold no number, not measured",
     )
+
+
+def test_one_signal_a_row_under_one_time_is_one_row(tmp_path):
+    rows = [line for k in range(20) for line in (f"{0.1 * k:.1f},{10 * k},", f"{0.1 * k:.1f},,{0.2 * k:.1f}")]
+    read = read_csv(csv_of(tmp_path, rows), PLAIN)
+    np.testing.assert_allclose(read.input, 10.0 * np.arange(20), atol=1e-9)
+    np.testing.assert_allclose(read.output, 0.2 * np.arange(20), atol=1e-9)
+    assert read.notes == ("20 rows have the time of the next one: they count as one with it",)
+
+
+def test_codes_for_not_available_are_no_measurements_and_it_is_said(tmp_path):
+    rows = [f"{0.1 * k:.1f},{10 * k},{1.0 + 0.01 * k},{1800 + k}" for k in range(60)]
+    rows[20] = "2.0,200,255.996,8191.875"
+    rows[30] = "3.0,300,-1e30,1830"
+    header = f"time_s,{INPUT},{OUTPUT},engine_speed_rpm"
+    read = read_csv(csv_of(tmp_path, rows, header), PLAIN)
+    assert np.nanmax(read.output) < 2.0
+    assert np.nanmax(read.columns["engine_speed_rpm"]) < 1900.0
+    said = [note for note in read.notes if "is nothing that" in note]
+    assert said == [
+        "ground_speed_mps: -1e+30 and 255.996, 2 times, is nothing that ground_speed_mps can be: not measured",
+        "engine_speed_rpm: 8191.88, 1 times, is nothing that engine_speed_rpm can be: not measured",
+    ]
+
+
+@pytest.mark.parametrize("fastest_mps", [14.0, 40.0])
+def test_what_is_measured_beyond_a_combines_range_stays(tmp_path, fastest_mps):
+    rows = [f"{0.1 * k:.1f},{10 * k},{fastest_mps * k / 60}" for k in range(60)]
+    read = read_csv(csv_of(tmp_path, rows), PLAIN)
+    assert np.isfinite(read.output).all()
+    assert read.notes == ()
+
+
+def test_separators_at_the_ends_of_all_lines_are_passed_over(tmp_path):
+    rows = [f"{row},," for row in ramp()]
+    read = read_csv(csv_of(tmp_path, rows, f"time_s,{INPUT},{OUTPUT},,"), PLAIN)
+    assert set(read.columns) == {INPUT, OUTPUT}
+    assert read.notes == ("column 4: holds no number, left out", "column 5: holds no number, left out")
 
 
 def changed(rows: list[str], index: int, row: str) -> list[str]:

@@ -16,6 +16,7 @@ from typing import Final
 import numpy as np
 from scipy import optimize
 
+from cruise.effects import Effect
 from cruise.identification.families import ahead
 from cruise.identification.least_squares import fit
 from cruise.identification.regressors import FitError, Smooth
@@ -50,15 +51,16 @@ def ahead_rms_mps(
 def excited_shapes(model: Model, recordings: Sequence[Recording]) -> list[Shape]:
     """The shape parameters that these recordings can say something about: those of effects whose signals move.
 
-    Of which kind an effect is, is left as it is given, and so is what is idle.
+    Of which kind an effect is, is left as it is given, and so is what is idle; of one that is not there at all, the
+    first of its parameters is what it begins with.
     """
-    return [
-        (effect.name, parameter)
-        for effect in model.effects
-        if all(_moves(name, recordings) for name in effect.needs)
-        for parameter in effect.parameters
-        if parameter != effect.kind and parameter not in effect.idle
-    ]
+    moved = [one for one in model.effects if all(_moves(name, recordings) for name in one.needs)]
+    return [(effect.name, parameter) for effect in moved for parameter in _looked_for(effect)]
+
+
+def _looked_for(effect: Effect) -> list[str]:
+    shapes = [name for name in effect.parameters if name != effect.kind]
+    return [name for name in shapes if name not in effect.idle] or shapes[:1]
 
 
 def _moves(name: str, recordings: Sequence[Recording]) -> bool:

@@ -62,7 +62,10 @@ class Structure:
         return math.ceil(self.delay_s / period_s - 0.5 - 1e-9)
 
     def model(self, period_s: float) -> Model:
-        """The core with neutral effects and all parameters zero."""
+        """The core with neutral effects and all parameters zero. FitError where one of them is the core's own."""
+        for name, instead in OF_THE_CORE.items():
+            if name in self.effects:
+                raise FitError(f"{name} is no term of this model but its structure: {instead}, and leave {name} out")
         own = {term.name: term for term in self.custom}
         kinds = (own[name] if name in own else EFFECTS[name]() for name in self.effects)
         effects: tuple[Effect, ...] = tuple(
@@ -73,6 +76,10 @@ class Structure:
         return Model(period_s, self.na, self.nb, self.delay(period_s), effects, theta)
 
 
+OF_THE_CORE: Final = {
+    "transport_delay": "give a longer delay_s, or more nb",
+    "resonance": "give two more na",
+}  # effects that a search of what is missing fits in the core itself
 _PREPROCESSED: Final = ("saturation", "dead_zone", "quadratic_gain")  # section IV.C: what the ramp of Fig. 4 shows
 
 

@@ -18,6 +18,7 @@ from cruise.identification.structures import Family, Structure
 from cruise.model.model import Model
 from cruise.recording import Recording, resample
 from cruise.signals import OUTPUT
+from cruise.validation.background import STRUCTURAL
 from cruise.validation.candidates import Candidate, EffectCandidate, candidate_of, why_not
 from cruise.validation.complete import complete
 from cruise.validation.explanation import START, Explanation
@@ -97,7 +98,9 @@ def study(
     found = search.fitted(explanation)
     for effect in effects:
         show(f"fitting with {effect.name}")
-        mine = EffectCandidate(effect.name, given=effect if file else None, told=kinds_of(effect.name))
+        mine: Candidate = EffectCandidate(effect.name, given=effect if file else None, told=kinds_of(effect.name))
+        if effect.name in STRUCTURAL:  # of the core, and not of what stands before it
+            mine = candidate_of(effect.name, prepared)
         found = search.grown(found.explanation, mine)
     if effects:
         show("fitting all together")

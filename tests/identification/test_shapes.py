@@ -8,8 +8,11 @@ import pytest
 from cruise.effects.dead_zone import DeadZone
 from cruise.effects.quadratic_gain import QuadraticGain
 from cruise.identification.least_squares import FitError, fit
-from cruise.identification.shapes import ahead_rms_mps, fit_shapes
+from cruise.identification.shapes import ahead_rms_mps, excited_shapes, fit_shapes
+from cruise.identification.structures import parse
 from cruise.model.model import Model
+from cruise.recording import Recording
+from cruise.signals import INPUT, OUTPUT
 from tests.identification.truth import CURVATURE, EFFECTS, MODEL, THETA, THRESHOLD_MA, currents, recording
 
 SHAPES = (("dead_zone", "threshold_ma"), ("quadratic_gain", "curvature"))
@@ -76,3 +79,16 @@ def test_the_error_ahead_is_that_of_persistence_for_a_model_that_holds_its_speed
 def test_a_recording_shorter_than_the_horizon_has_no_error_ahead():
     with pytest.raises(FitError, match="3 s of whole recording"):
         ahead_rms_mps(MODEL, [recording(300)[:12]], 3.0)
+
+
+def test_of_an_effect_that_is_not_there_its_first_parameter_is_looked_for():
+    model = parse("arx:na=1,nb=1,delay_s=0+power_limit+coulomb_friction").model(0.2)
+    columns = {INPUT: np.arange(50.0), OUTPUT: np.arange(50.0), "pitch_deg": np.sin(np.arange(50.0))}
+    shapes = excited_shapes(model, [Recording(0.2 * np.arange(50), columns, 0.2, "made up")])
+    assert shapes == [("power_limit", "power_kw"), ("coulomb_friction", "crossover_mps")]
+
+
+@pytest.mark.parametrize("name", ["transport_delay", "resonance"])
+def test_what_is_of_the_cores_structure_is_refused_as_a_term(name):
+    with pytest.raises(FitError, match=f"{name} is no term"):
+        parse(f"arx:na=1,nb=1,delay_s=0+{name}").model(0.2)

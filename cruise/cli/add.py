@@ -72,7 +72,7 @@ def add(
     read = tables(recordings, columns_of(columns, input_name, output_name, database))
     with Console(highlight=False, stderr=True).status("reading") as status:
         core = file.core if file is not None else None
-        study = ladder.begin(read, structure, start, core, period_s, horizon, status.update)
+        study = ladder.begin(read, structure, start, core, period_s, horizon, status.update, wanted=wanted)
         added = ladder.add(study, wanted, status.update)
         status.update("looking for the noise floor")
         floor = ladder.floor(study, read, added)

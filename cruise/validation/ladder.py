@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from cruise.effects import Custom, Stage
+from cruise.effects import EFFECTS, Custom, Stage
 from cruise.effects.dead_zone import DeadZone
 from cruise.identification.regressors import FitError
 from cruise.identification.structures import Structure
@@ -76,20 +76,24 @@ def begin(
     horizon_s: float = WARM_UP_S,
     show: Show = lambda text: None,
     at_their_rate: bool = False,
+    wanted: str | Custom = "",
 ) -> Study:
     """The study of a model, with all that it holds: terms of the user's own, and what lives in its core.
 
+    `wanted` is the effect that is to be added, where that is known: its signals count even where they have holes.
     Without `at_their_rate` it is fitted as the discrete model that drives: from means over the period.
     """
     further: list[Candidate] = []
+    own = [*structure.custom, *([wanted] if isinstance(wanted, Custom) else [EFFECTS[wanted]] if wanted else [])]
+    needed = {name for effect in own for name in effect.needs}
     if file is not None:
         for term in structure.custom:
             check_term(term, recordings)
-        begun = study(recordings, structure, file, period_s, horizon_s, show, at_their_rate)
+        begun = study(recordings, structure, file, period_s, horizon_s, show, at_their_rate, needed)
     else:  # a term that was never fitted has no shape to begin from
-        own = {term.name for term in structure.custom}
-        bare = replace(structure, effects=tuple(name for name in structure.effects if name not in own), custom=())
-        begun = study(recordings, bare, None, period_s, horizon_s, show, at_their_rate)
+        terms = {term.name for term in structure.custom}
+        bare = replace(structure, effects=tuple(name for name in structure.effects if name not in terms), custom=())
+        begun = study(recordings, bare, None, period_s, horizon_s, show, at_their_rate, needed)
         further = [term_candidate(term, begun.recordings) for term in structure.custom]
     further += [candidate(name, begun.recordings) for name in (core.effects if core else ())]
     for one in further:

@@ -5,7 +5,7 @@ represented is kept as the bound of the core's delay. A model that can't represe
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -58,16 +58,18 @@ def study(
     horizon_s: float = WARM_UP_S,
     show: Show = lambda text: None,
     at_their_rate: bool = True,
+    further: Collection[str] = (),
 ) -> Study:
     """The model, or structure, fitted to the recordings as an explanation. FitError says what is in the way.
 
     `at_their_rate`: what reshapes and delays the current is computed at the rate of the recordings, which tells effects
-    apart best; else from means over the period, as the discrete model does that drives.
+    apart best; else from means over the period, as the discrete model does that drives. `further` are signals that are
+    needed beside the model's, even where they have holes.
     """
     if structure.family is Family.NARX:
         raise FitError("a NARX model has polynomials in place of effects: diagnose an arx, armax or oe model")
     effects: tuple[Effect, ...] = file.effects if file else tuple(EFFECTS[name]() for name in structure.effects)
-    recordings = complete(recordings, {name for effect in effects for name in effect.uses})
+    recordings = complete(recordings, {*further, *(name for effect in effects for name in effect.needs)})
     prepared = at_period(recordings, period_s)
     for effect in effects:
         reason = why_not(type(effect), prepared) if effect.name in EFFECTS else ""

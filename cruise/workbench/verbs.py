@@ -187,8 +187,12 @@ def added(
     earlier = history_of(question.model, file) if file is not None else ()
     period_s = _prepared(question, start, UNFILTERED_HZ).period_s
     core = file.core if file is not None else None
-    study = ladder.begin(recordings, structure, start, core, period_s, question.horizon_s, lambda text: show(text))
-    one = ladder.add(study, effect if isinstance(effect, str) else term(effect), lambda text: show(text))
+    wanted = effect if isinstance(effect, str) else term(effect)
+    horizon_s = question.horizon_s
+    study = ladder.begin(
+        recordings, structure, start, core, period_s, horizon_s, lambda text: show(text), wanted=wanted
+    )
+    one = ladder.add(study, wanted, lambda text: show(text))
     show("looking for the noise floor")
     floor = ladder.floor(study, recordings, one)
     made_on = datetime.now(UTC).date().isoformat()

@@ -42,7 +42,6 @@ from cruise.identification.identify import identify as fit
 from cruise.identification.named import model_named
 from cruise.identification.preparation import PreparationSettings, filter_in_words
 from cruise.identification.regressors import FitError
-from cruise.identification.shapes import excited_shapes
 from cruise.model import files
 from cruise.model.files import Provenance
 from cruise.recording import notes_of
@@ -181,11 +180,10 @@ def _print(found: Identification, preparation: PreparationSettings, drawn: Path,
         table.add_column(heading, justify="left" if heading == "parameter" else "right")
     for name, value, error in zip(fitted.parameter_names, fitted.theta, fitted.theta_std, strict=True):
         table.add_row(name, f"{value:.5g}", f"{error:.2g}")
-    looked_for = excited_shapes(found.structure.model(fitted.period_s), found.recordings)
     for effect in found.effects:
         for name, bound in effect.parameters.items():
             value = float(getattr(effect, name))
-            remark = _remark(value, bound) if (effect.name, name) in looked_for else "not looked for"
+            remark = _remark(value, bound) if (effect.name, name) in found.looked_for else "not looked for"
             table.add_row(f"{effect.name}.{name}", f"{value:.5g}", remark)
     console.print(table)
     slow = ", ".join(f"{value:.2f} s" for value in time_constants_s(found))

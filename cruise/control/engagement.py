@@ -15,6 +15,9 @@ calls an operator's override: brake, clutch or lever. The controller has let go 
 person is acting, and until pedals and lever have been left alone for a while no button is taken. It is not the override
 of a car's cruise control, which comes back when the pedal is released: here release never engages again.
 
+A machine that is driven and stands, plugged or with its engine stalled, is let go: when what held it gives way, nobody
+expects it to start. A setpoint on the bus that is out of range ends the drive, too; it is not passed over.
+
 Commissioning takes two deliberate acts: the panel asks for an experiment by its number, and keeps asking, and then the
 operator presses `set`, near standstill with the lever at rest. Letting go of either the request or the machine's
 controls ends it. While an experiment is asked for, the buttons do not engage the cruise control.
@@ -27,7 +30,13 @@ from enum import IntEnum, StrEnum
 from typing import Final
 
 from cruise.control.commissioning import CommissioningSettings, Experiment
-from cruise.control.situation import EngagementSettings, Situation, against_commissioning, against_engaging
+from cruise.control.situation import (
+    WAVERING_MPS,
+    EngagementSettings,
+    Situation,
+    against_commissioning,
+    against_engaging,
+)
 
 
 class State(StrEnum):
@@ -273,5 +282,5 @@ class Engagement:
 
     def _is_new(self, word_mps: float) -> bool:
         """Whether a setpoint on the bus is a new word: where a button had the last one, more than a knob's wavering."""
-        apart_mps = 0.0 if self._by_panel else self.settings.wavering_mps
+        apart_mps = 0.0 if self._by_panel else WAVERING_MPS
         return math.isfinite(word_mps) and not abs(word_mps - self._requested_mps) <= apart_mps

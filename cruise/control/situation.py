@@ -10,6 +10,7 @@ import msgspec
 from cruise.control.commissioning import CommissioningSettings, Experiment
 from cruise.settings import Positive, refuse_wide
 
+WAVERING_MPS: Final = 0.05  # m/s, less than which a knob between two of its steps changes what the panel asks for
 WIDEST: Final = 3.0  # times its default that a setting may be
 
 
@@ -19,7 +20,6 @@ class EngagementSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unkno
     speed_min_mps: Positive = 0.3  # m/s, slower is manoeuvring, a person's work
     speed_max_mps: Annotated[float, msgspec.Meta(gt=0, le=11.2)] = 8.5  # m/s, just over 30 km/h; no combine passes 40
     setpoint_step_mps: Positive = 0.1  # m/s, of the buttons accelerate and coast
-    wavering_mps: Positive = 0.05  # m/s, by which a knob that nobody touches may change what the panel asks for
     standing_mps: Positive = 0.1  # m/s: slower, a machine that is driven stands, be it plugged or its engine stalled,
     standing_s: Positive = 1.0  # s after which it does not start again by itself
     lever_moved_pct: Positive = 5.0  # %, change of the lever that means the operator wants it

@@ -23,7 +23,7 @@ from cruise.identification.narx import fit_narx
 from cruise.identification.output_error import fit_output_error
 from cruise.identification.preparation import PreparationSettings, at_period, smoother
 from cruise.identification.regressors import FitError, Smooth
-from cruise.identification.shapes import HORIZON_S, excited_shapes, fit_shapes
+from cruise.identification.shapes import HORIZON_S, Shape, excited_shapes, fit_shapes
 from cruise.identification.structures import Family, Structure
 from cruise.identification.whiteness import Whiteness, whiteness
 from cruise.model.model import Model
@@ -39,6 +39,7 @@ class Identification:
     structure: Structure
     fitted: Identified
     effects: tuple[Effect, ...]  # with the shapes that were found
+    looked_for: tuple[Shape, ...]  # those of them that the recordings can say something about
     recordings: tuple[Recording, ...]
     horizon_s: float
     filtered: bool  # whether the input of the predictions below was filtered like the training data
@@ -124,6 +125,7 @@ def identify(
         structure=structure,
         fitted=fitted,
         effects=shaped.effects,
+        looked_for=tuple(excited_shapes(empty, prepared)),
         recordings=tuple(prepared),
         horizon_s=horizon * period_s,
         filtered=validation is not None,

@@ -179,10 +179,10 @@ class Daemon:
         """Back to the factory's model and the file's settings, now and after a restart."""
         self.node.estimator.forget()
         changed, self.changes = bool(self.changes), {}
-        if self.chronicle is not None:
-            self._store()
         if changed:
             self._ask_for_reload()
+        if self.chronicle is not None:
+            self._store()
 
     def _ask_for_reload(self) -> None:
         if self._reload is not None:

@@ -11,6 +11,7 @@ from typing import Final
 from cruise.can.codec import Codec, Decoded
 from cruise.can.frame import Frame, FrameFault
 from cruise.can.messages import CONTRACTS, FAST_MESSAGE
+from cruise.control.situation import WAVERING_MPS
 from cruise.sampling import SamplingSettings
 from cruise.service.playback import Playback
 from cruise.signals import INPUT, OUTPUT, Reading
@@ -28,7 +29,6 @@ ENGAGING: Final = frozenset({"cruise_set", "cruise_resume"})
 """Buttons whose change two frames in a row have to report: their message has no checksum. No flipped bit may engage,
 neither as a press nor as a release of a button that is still held. Nor may silence: at first, and after it, a button is
 unknown until two frames agree, so that one which is held is no press that was seen to begin."""
-APART_MPS: Final = 0.05  # m/s, by which two panels differ; a knob between two of its steps wavers by less
 
 
 class Hearing:
@@ -117,7 +117,7 @@ class Hearing:
         self.words.append(reading.value)
         if len(self.words) == 3:
             first, other, again = self.words
-            if abs(first - other) > APART_MPS and abs(first - again) <= APART_MPS:
+            if abs(first - other) > WAVERING_MPS and abs(first - again) <= WAVERING_MPS:
                 self.wavered.append(reading.time_s)
 
     def _count(self, message: str, now_s: float) -> int:

@@ -23,6 +23,7 @@ from typing import Final
 
 import numpy as np
 
+from cruise.identification.structures import OF_THE_CORE
 from cruise.validation.disturbance import Disturbance
 from cruise.validation.fitting import Fit, bounded
 
@@ -34,7 +35,7 @@ ROOM: Final = 2.0  # standard deviations of a parameter that reach to its neares
 LIKELIEST: Final = 4  # explanations beside which a second effect is looked for,
 SECOND: Final = 20.0  # and C that it has to save
 DYNAMICS: Final = frozenset({"hysteresis", "rate_limit", "transport_delay", "active_braking", "resonance"})
-STRUCTURAL: Final = frozenset({"transport_delay", "resonance"})  # effects that live in the core
+STRUCTURAL: Final = frozenset(OF_THE_CORE)  # effects that live in the core
 NOTHING_MPS: Final = 1e-5  # RMS of what an effect moves, below which it is not there
 LEAST_SPOKEN: Final = 0.5  # share of the judged time of which an effect's signals must be known
 

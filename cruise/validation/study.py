@@ -100,10 +100,9 @@ def study(
     found = search.fitted(explanation)
     for effect in effects:
         show(f"fitting with {effect.name}")
-        mine: Candidate = EffectCandidate(effect.name, given=effect if file else None, told=kinds_of(effect.name))
-        if effect.name in STRUCTURAL:  # of the core, and not of what stands before it
-            mine = candidate_of(effect.name, prepared)
-        found = search.grown(found.explanation, mine)
+        given = EffectCandidate(effect.name, given=effect if file else None, told=kinds_of(effect.name))
+        structural = effect.name in STRUCTURAL  # of the core, and not of what stands before it
+        found = search.grown(found.explanation, candidate_of(effect.name, prepared) if structural else given)
     if effects:
         show("fitting all together")
         found = search.settled(found) if file else search.regrown(found)

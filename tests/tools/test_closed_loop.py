@@ -16,7 +16,7 @@ from cruise.model.model import Model
 from cruise.plant import Combine, Inputs, PlantSettings
 from cruise.signals import Sample
 from tools.benchmarks import control_step
-from tools.closed_loop import courses, machines, scores
+from tools.closed_loop import courses, machines, picture, scores
 from tools.closed_loop.courses import Begin, Course, SetpointRow, laid_over
 from tools.closed_loop.drive import Driven, drive, rms
 from tools.closed_loop.drivers import DRIVERS, PLAIN, Models
@@ -142,7 +142,7 @@ def test_without_feed_forward_a_driver_sees_gear_and_drive_only():
         "engine_load_pct",
         "line_pressure_bar",
     }
-    for name in ("pid", "pid_1hz", "plain"):
+    for name in ("pid", "pid_factory", "pid_1hz", "plain"):
         currents = []
         for rpm in (2100.0, 1500.0):
             driver = DRIVERS[name].make(given, ControlSettings())
@@ -197,3 +197,12 @@ def test_a_step_that_keeps_something_is_seen(monkeypatch):
     at = step.controller.step
     monkeypatch.setattr(step.controller, "step", lambda *given: kept.append(at(*given)))
     assert control_step.growth(step, 4000) > 2.0 * control_step.GROWTH_BLOCKS
+
+
+def test_every_driver_is_in_the_picture(tmp_path):
+    course = Course(name="short", seconds=25.0, setpoints=(SetpointRow(at_s=10.0, to=1.3),))
+    run = Run("factory", PLANT, 1, (course,), Models(MODEL, MODEL, MODEL), ControlSettings())
+    one = driven(np.full(500, 1.02), np.where(np.arange(500) < 200, 1.0, 1.3))
+    run.drives = {name: {"short": one} for name in DRIVERS}
+    assert picture.draw(run, tmp_path / "courses.png").stat().st_size > 10_000
+    assert len({kind.colour for kind in DRIVERS.values()}) == len(DRIVERS)

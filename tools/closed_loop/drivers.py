@@ -13,6 +13,7 @@ import msgspec
 from cruise.control.controller import Controller, ControlSettings
 from cruise.effects.grade import Grade
 from cruise.model.model import Model
+from cruise.report.colours import BLUE
 from cruise.signals import Sample
 
 from .drive import Driver
@@ -43,6 +44,7 @@ class Kind:
     """One column of the tables."""
 
     title: str
+    colour: str  # in the picture
     make: Callable[[Models, ControlSettings], Driver]
     noisy: bool = True  # sensors
 
@@ -87,11 +89,15 @@ def _exact(models: Models, settings: ControlSettings) -> Driver:
 
 
 DRIVERS: Final[dict[str, Kind]] = {
-    "pid": Kind("PID (SIMC)", lambda models, settings: BlindPid(models.learned, settings)),
-    "pid_factory": Kind("PID, factory model", lambda models, settings: BlindPid(models.factory, settings)),
-    "pid_1hz": Kind("PID held to 1 Hz", lambda models, settings: BlindPid(models.learned, settings, held=True)),
-    "factory": Kind("factory model", lambda models, settings: Predictive(models.factory, settings)),
-    "plain": Kind("learned, no feed-forward", lambda models, settings: Predictive(models.learned, settings, PLAIN)),
-    "learned": Kind("learned", lambda models, settings: Predictive(models.learned, settings)),
-    "bound": Kind("bound", _exact, noisy=False),
+    "pid": Kind("PID (SIMC)", "#c44e52", lambda models, settings: BlindPid(models.learned, settings)),
+    "pid_factory": Kind("PID, factory model", "#e7a3a6", lambda models, settings: BlindPid(models.factory, settings)),
+    "pid_1hz": Kind(
+        "PID held to 1 Hz", "#937860", lambda models, settings: BlindPid(models.learned, settings, held=True)
+    ),
+    "factory": Kind("factory model", "#dd8452", lambda models, settings: Predictive(models.factory, settings)),
+    "plain": Kind(
+        "learned, no feed-forward", "#55a868", lambda models, settings: Predictive(models.learned, settings, PLAIN)
+    ),
+    "learned": Kind("learned", BLUE, lambda models, settings: Predictive(models.learned, settings)),
+    "bound": Kind("bound", "#8172b3", _exact, noisy=False),
 }

@@ -1,20 +1,11 @@
 """The picture of a run: speeds of all drivers over the reference, a panel a course, and the command of one."""
 
 from pathlib import Path
-from typing import Final
 
-from cruise.report.colours import BLUE, GREY
+from cruise.report.colours import GREY
 
+from .drivers import DRIVERS
 from .trial import BEST, Run
-
-COLOURS: Final = {
-    "pid": "#c44e52",
-    "pid_1hz": "#937860",
-    "factory": "#dd8452",
-    "plain": "#55a868",
-    "learned": BLUE,
-    "bound": "#8172b3",
-}
 
 
 def draw(run: Run, path: Path) -> Path:
@@ -32,10 +23,12 @@ def draw(run: Run, path: Path) -> Path:
         left.plot(first.time_s, first.reference_mps, color="black", lw=0.8, label="reference")
         if BEST in run.drives:
             mine = run.drives[BEST][course.name]
-            left.plot(mine.time_s, mine.speed_mps, color=COLOURS[BEST], lw=1.0, label=BEST)
+            left.plot(mine.time_s, mine.speed_mps, color=DRIVERS[BEST].colour, lw=1.0, label=BEST)
         for name, drives in run.drives.items():
             one = drives[course.name]
-            right.plot(one.time_s, 100.0 * (one.speed_mps - one.reference_mps), color=COLOURS[name], lw=0.8, label=name)
+            right.plot(
+                one.time_s, 100.0 * (one.speed_mps - one.reference_mps), color=DRIVERS[name].colour, lw=0.8, label=name
+            )
         left.set_title(course.name, loc="left", fontsize=9)
         left.set_ylabel("m/s")
         right.set_ylabel("error, cm/s")

@@ -6,10 +6,10 @@ virtual combine watched for half a minute.
 
 import io
 import os
-import sys
 from pathlib import Path
-from typing import Final
+from typing import Annotated, Final
 
+import typer
 from PIL import Image
 from playwright.sync_api import Page
 
@@ -26,9 +26,12 @@ WATCHED_MS: Final = 30_000
 STILL_MS: Final = 2500  # for fonts and charts
 
 
-def main() -> None:
-    """Serve, walk, draw."""
-    folder = Path(sys.argv[1] if len(sys.argv) > 1 else ROOT / "out" / "screenshots")
+def main(
+    folder: Annotated[
+        Path, typer.Argument(help="Where all views go; the pictures of the README go to tools/pictures.")
+    ] = ROOT / "out" / "screenshots",
+) -> None:
+    """Draw every view of the workbench, light and dark, wide and narrow, and the pictures of the README."""
     folder.mkdir(parents=True, exist_ok=True)
     PICTURES.mkdir(exist_ok=True)
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
@@ -98,4 +101,4 @@ def _keep(png: bytes, path: Path) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    typer.run(main)

@@ -157,15 +157,15 @@ def floor_in_words(floor: NoiseFloor, compared: Comparison) -> list[str]:
         )
     elif math.isfinite(floor.white_at_most_mps):
         said.append(
-            "The spectrum of the speed falls up to its highest frequency: white noise is at most "
-            f"{floor.white_at_most_mps:.4f} m/s, and there is no floor from below (the sensor filters, perhaps)."
+            "The spectrum of the speed does not end in white noise (the sensor filters, or the drive is as fast as "
+            f"the samples): that is at most {floor.white_at_most_mps:.4f} m/s, and there is no floor from below."
         )
     if floor.reached is None:
         return [*said, "The recordings are too short for a floor from above."]
     names = ", ".join(("current", "speed", *(spoken(name)[0] for name in causes_in(compared.recordings))))
     said.append(
         f"{_interval(floor.reached)} m/s are reached {compared.horizon_s:g} s ahead by ridge regression and "
-        f"gradient boosting over {names} and past errors, out of fold."
+        f"gradient boosting over {names} and past errors, out of fold, or by the model itself."
     )
     if math.isfinite(floor.between_mps):
         said.append(

@@ -8,7 +8,6 @@ from typing import Final
 
 import numpy as np
 
-from cruise.model import prediction
 from cruise.recording import Recording
 from cruise.validation.candidates import UNNAMED, owner
 from cruise.validation.diagnose import Diagnosis
@@ -83,16 +82,11 @@ def best_unnamed(found: Diagnosis) -> Tried | None:
 
 
 def floor_of(found: Diagnosis, native: Sequence[Recording]) -> NoiseFloor:
-    """The noise floor `horizon_s` ahead, from the recordings as measured and what the best fit predicts."""
-    study = found.study
+    """The noise floor `horizon_s` ahead, from the recordings as measured and what the best fit predicts, held out."""
+    study, scene = found.study, found.study.search.scene
     horizon = max(round(study.horizon_s / study.period_s), 1)
-    model = found.final.explanation.model(study.period_s)
-    predicted = []
-    for one in study.recordings:
-        signals = {name: one.columns[name] for name in model.uses if name in one.columns}
-        with np.errstate(over="ignore", invalid="ignore"):
-            predicted.append(prediction.ahead(model, one.input, one.output, signals, horizon))
-    return noise_floor(native, study.recordings, predicted, horizon)
+    predicted_mps = scene.speed_mps - found.final.error_mps
+    return noise_floor(native, study.recordings, [predicted_mps[part] for part in scene.parts], horizon)
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,8 @@ the bound is then low, never wrong.
 
 From above, what a flexible model leaves (ridge regression, then gradient boosting) that was given everything: the
 model's prediction, the current on the way, every recorded signal that can be a cause, and speed and errors as known at
-the start; out of fold, so that what it merely remembers does not count. Between the two lies what nothing recorded
-announces (soil), or what it did not find.
+the start; out of fold, so that what it merely remembers does not count. Where that is no gain, it is what the model
+itself leaves. Between the two lies what nothing recorded announces (soil), or what it did not find.
 
 Sources: P. J. Brockwell, R. A. Davis, Time Series: Theory and Methods, 2nd ed. 1991, section 5.8 (Kolmogorov's
 formula); P. D. Welch, IEEE Trans. Audio Electroacoustics 15 (1967) 70; G. Ke et al., NeurIPS 2017 (boosting on
@@ -107,7 +107,12 @@ def noise_floor(
         return NoiseFloor(None, np.nan, np.nan, np.nan, reached, samples)
     factor = np.exp(0.5 * Z_95 * best.relative_std)
     white = Bound(best.std_mps, best.std_mps / factor, best.std_mps * factor) if best.flat else None
-    return NoiseFloor(white, best.std_mps, best.from_hz, best.to_hz, reached, samples)
+    at_most_mps = best.std_mps
+    if reached is not None:
+        at_most_mps = min(at_most_mps, reached.high_mps)
+        if white is not None and white.low_mps > reached.high_mps:
+            white = None
+    return NoiseFloor(white, at_most_mps, best.from_hz, best.to_hz, reached, samples)
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,7 +213,7 @@ def _spans(memory: int) -> list[tuple[int, int]]:
 def _reached(
     recordings: Sequence[Recording], predicted_mps: Sequence[np.ndarray], horizon: int
 ) -> tuple[Bound | None, int]:
-    """RMS out of fold of what ridge regression and gradient boosting leave of the model's error."""
+    """RMS of what ridge regression and gradient boosting leave of the model's error out of fold, or of that error."""
     names = [name for name in CAUSES if any(name in one.columns for one in recordings)]
     errors = [one.output - speed for one, speed in zip(recordings, predicted_mps, strict=True)]
     shown = [_features(one, p, e, names, horizon) for one, p, e in zip(recordings, predicted_mps, errors, strict=True)]
@@ -226,11 +231,11 @@ def _reached(
         for k, unseen in enumerate(fold.unseen):
             if unseen.stop > unseen.start:
                 left[k][unseen] = errors[k][unseen] - predict(shown[k][unseen])
-    squared = [rest**2 for rest in left]
-    known = np.concatenate([np.isfinite(part) for part in squared])
-    values = np.concatenate(squared)[known]
-    if not len(values):
+    joined, own = np.concatenate(left), np.concatenate(errors)
+    known = np.isfinite(joined)
+    if not known.any():
         return None, 0
+    values = min(joined[known] ** 2, own[known] ** 2, key=np.mean)
     draws = np.sqrt(bootstrap(values, block_numbers(recordings, horizon)[known]))
     low, high = np.quantile(draws, (0.025, 0.975))
     return Bound(float(np.sqrt(values.mean())), float(low), float(high)), len(values)

@@ -121,6 +121,26 @@ def test_a_spectrum_that_falls_to_its_end_gives_no_bound_from_below():
     assert np.isnan(found.between_mps)
 
 
+def test_no_floor_from_below_stands_above_what_a_model_leaves():
+    """A small robot: a lag of 40 ms and a dead zone. Its steps are as sudden as noise at 5 Hz."""
+    rng = np.random.default_rng(3)
+    current = np.repeat(rng.uniform(-90.0, 90.0, 57), 150)  # 85 s at 100 Hz
+    opened = np.sign(current) * np.maximum(np.abs(current) - 15.0, 0.0) * 0.04
+    pole = np.exp(-0.01 / 0.04)
+    moved = np.asarray(signal.lfilter([1.0 - pole], [1.0, -pole], opened))
+    measured = moved + 0.01 * rng.standard_normal(len(moved))
+    time_s = 0.01 * np.arange(len(moved))
+    robot = Recording(time_s, {INPUT: current, OUTPUT: measured}, 0.01, "robot.csv")
+    still = resample(robot, PERIOD_S)
+    known = resample(replace(robot, columns={INPUT: current, OUTPUT: moved}), PERIOD_S).output
+    found = noise_floor([robot], [still], [known], H)
+    left_mps = float(np.sqrt(np.mean((still.output - known) ** 2)))
+    assert found.white is None or found.white.low_mps < left_mps
+    assert found.reached is not None
+    assert found.reached.value_mps == pytest.approx(left_mps, rel=1e-3)  # the flexible model only spoils it
+    assert found.white_at_most_mps < 1.5 * left_mps
+
+
 def test_too_little_data_is_no_floor():
     native = record(seed=6, seconds=10.0)
     found = floor_of(native, resample(native, PERIOD_S).output)

@@ -95,3 +95,17 @@ CONTEXT: Final = (
     "line_pressure_bar",
 )
 """The recorded signals beside input and output that an effect may need."""
+ASKED: Final = frozenset(
+    {
+        "pump_current_command_ma",
+        "setpoint_mps",
+        "lever_pct",
+        "cruise_enable",
+        "cruise_set",
+        "cruise_resume",
+        "cruise_accelerate",
+        "cruise_coast",
+        "requested_experiment",
+    }
+)
+"""What somebody asks for. It moves the machine through the current alone, and so is no cause beside it."""

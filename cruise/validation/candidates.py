@@ -211,7 +211,7 @@ def unnamed(recordings: Sequence[Recording], explanation: Explanation) -> list[U
     """Every recorded signal as something on which the speed could depend in a way that is not in the table."""
     found = []
     for signal in (*recordings[0].columns, SPEED):
-        if signal in (OUTPUT, "pump_current_command_ma", "wheel_speed_mps") or not all(
+        if signal in (OUTPUT, "wheel_speed_mps") or not all(
             signal == SPEED or signal in one.columns for one in recordings
         ):
             continue

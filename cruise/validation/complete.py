@@ -2,7 +2,7 @@
 
 An effect whose signal is missing where the drive is rough would seem to lower the error. So a signal with holes in more
 than a tenth of the time is as good as not recorded, unless the model needs it, and where one of the others has a hole,
-the recording has.
+the recording has. What somebody asks for (lever, buttons) acts through the current, and is no candidate at all.
 """
 
 from collections.abc import Collection, Sequence
@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from cruise.recording import Recording
-from cruise.signals import INPUT, OUTPUT
+from cruise.signals import ASKED, INPUT, OUTPUT
 
 LEAST_KNOWN: Final = 0.9  # of the time in which current and speed are known
 
@@ -20,6 +20,7 @@ LEAST_KNOWN: Final = 0.9  # of the time in which current and speed are known
 def complete(recordings: Sequence[Recording], needed: Collection[str]) -> list[Recording]:
     """The recordings with holes where a signal has one, without the signals that have too many; their notes say so."""
     names = set.intersection(*(set(one.columns) for one in recordings)) - {INPUT, OUTPUT}
+    names -= ASKED.difference(needed)
     there = [np.isfinite(one.input) & np.isfinite(one.output) for one in recordings]
     driven = max(sum(int(known.sum()) for known in there), 1)
 

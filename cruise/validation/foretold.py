@@ -38,7 +38,7 @@ from cruise.validation.unnamed import SPEED
 BANDS_S: Final = (0.2, 0.5, 1.0, 2.0, 4.0)  # time constants between the bands into which the current is cut
 RATE_S: Final = 0.5  # s over which it is seen how fast a signal moves
 PLAYS: Final = (0.01, 0.04, 0.1)  # half widths, of the range of the current
-ANSWERS: Final = frozenset({INPUT, OUTPUT, "pump_current_command_ma", "wheel_speed_mps"})
+ANSWERS: Final = frozenset({INPUT, OUTPUT, "wheel_speed_mps"})
 """Current and speed, which are seen otherwise, and what is nearly one of them."""
 MOVED: Final = frozenset({"line_pressure_bar", "engine_load_pct"})
 """What the drive itself moves."""

@@ -41,6 +41,14 @@ def test_holes_that_are_few_each_and_many_together_cost_the_signal_that_has_most
     assert set(one.columns) == {INPUT, OUTPUT, "pitch_deg"}
 
 
+def test_what_is_asked_for_is_no_cause_unless_a_term_of_the_user_reads_it():
+    one = recorded()
+    asked = {name: np.roll(one.input, -20) for name in ("lever_pct", "cruise_set", "pump_current_command_ma")}
+    told = replace(one, columns={**one.columns, **asked})
+    assert set(complete([told], ())[0].columns) == set(one.columns)
+    assert set(complete([told], ("lever_pct",))[0].columns) == {*one.columns, "lever_pct"}
+
+
 @pytest.mark.parametrize("from_s", [0.0, SECONDS / 2])
 def test_a_sensor_that_is_missing_where_the_ground_is_rough_is_not_what_is_missing(from_s):
     samples = round(SECONDS / DT_S)

@@ -123,7 +123,7 @@ def test_from_watching_straight_into_a_diagnosis(visit):
     diagnose.wait_for(timeout=120_000)
     page.wait_for_function("!document.querySelector('.q-btn[disabled]')?.innerText?.includes('Diagnose')")
     diagnose.click()
-    page.locator("[data-verdict]").wait_for(timeout=400_000)
+    page.locator("[data-verdict]").wait_for(timeout=1_200_000)
     page.locator("nav").get_by_text("the last 15 minutes").wait_for()
     go(page, "Live")
     page.get_by_role("button", name="Stop watching").click()

@@ -64,6 +64,8 @@ def explore(recordings: Sequence[Recording], raw_times_s: Sequence[FloatArray] =
             align_s = correlation.peak_lag_s
         response = frequency_response(dynamic, align_s)
     lag_s = response.lag_s if isinstance(response, FrequencyResponse) else None
+    if lag_s is not None and not math.isfinite(lag_s.value):
+        lag_s = None
     return Exploration(
         recordings=tuple(recording.source for recording in recordings),
         samples=sum(len(recording) for recording in recordings),

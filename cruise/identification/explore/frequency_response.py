@@ -21,6 +21,7 @@ from typing import Final
 import numpy as np
 from scipy import optimize, signal, stats
 
+from cruise.identification.explore.at_rest import at_rest
 from cruise.identification.explore.pieces import Estimate, NotPossible, Piece, pieces, runs, unmoved
 from cruise.recording import Recording
 from cruise.sampling import FloatArray
@@ -85,10 +86,11 @@ class FrequencyResponse:
     def words(self) -> list[str]:
         """Return what the response says, in sentences."""
         top_hz = self.frequency_hz[-1]
+        lag = self.lag_s
+        later = f", {lag.value:.2f} +- {lag.std:.2f} s later" if math.isfinite(lag.value) else ""
         said = [
             f"{self.segments} windows of {self.segment_s:.3g} s; at low frequency 100 mA change the speed by "
-            f"{100.0 * self.low_frequency_gain_mps_per_ma:.3g} m/s, {self.lag_s.value:.2f} +- {self.lag_s.std:.2f} s "
-            "later (slope of the phase)"
+            f"{100.0 * self.low_frequency_gain_mps_per_ma:.3g} m/s{later}"
         ]
         if self.cutoff is None:
             said.append(
@@ -162,13 +164,12 @@ def frequency_response(recordings: Sequence[Recording], delay_s: float = 0.0) ->
     weight = np.where(trusted, 1.0 / np.maximum(_relative_std(_smooth(coherence), independent), 1e-6) ** 2, 0.0)
     quantile = float(stats.t.ppf(0.5 + CONFIDENCE / 2.0, 2.0 * (independent - 1.0)))
     excited = spectra.s_uu > 0.05 * _smooth(spectra.s_uu)  # between the lines of a multisine there is nothing to trust
-    level, cutoff = _level(frequency_hz, weight, log_gain, 0.0), None
-    for _ in range(3):  # the level needs the cut-off and the cut-off the level; it settles in two rounds
-        cutoff = _cutoff(frequency_hz, log_gain - level.value, weight, level.std, quantile)
-        if cutoff is None or np.mean(trusted[excited & (frequency_hz < cutoff.frequency_hz)]) < MOSTLY:
-            cutoff = None  # chance may then have chosen the bins that are left
-            break
-        level = _level(frequency_hz, weight, log_gain, cutoff.frequency_hz)
+    inverted = _backwards(aligned, weight)
+    upright = -aligned if inverted else aligned
+    level, lag_s = _slowest(frequency_hz, upright, weight, trusted, shift * dt_s)
+    cutoff = _cutoff(frequency_hz, log_gain - level.value, weight, level.std, quantile)
+    if cutoff is not None and np.mean(trusted[excited & (frequency_hz < cutoff.frequency_hz)]) < MOSTLY:
+        cutoff = None  # chance may then have chosen the bins that are left
     gain_db = _decibel(log_gain - level.value)
     with np.errstate(divide="ignore"):
         low_db = gain_db + 20.0 * np.log10(np.maximum(1.0 - quantile * relative_std, 0.0))
@@ -176,9 +177,7 @@ def frequency_response(recordings: Sequence[Recording], delay_s: float = 0.0) ->
     bump = None
     if cutoff is not None:
         bump = _bump(frequency_hz, gain_db, low_db, _decibel(relative_std), trusted, cutoff.frequency_hz)
-    passed = _low(frequency_hz, (cutoff.frequency_hz if cutoff else reliable_to_hz) / 2.0)
-    inverted = float(np.sum((weight * aligned.real)[passed])) < 0.0
-    phase_rad = np.unwrap(np.angle(-aligned if inverted else aligned))
+    phase_rad = np.unwrap(np.angle(upright))
     return FrequencyResponse(
         frequency_hz=frequency_hz,
         gain_mps_per_ma=gain,
@@ -191,7 +190,7 @@ def frequency_response(recordings: Sequence[Recording], delay_s: float = 0.0) ->
         reliable_to_hz=reliable_to_hz,
         cutoff=cutoff,
         bump=bump,
-        lag_s=_lag(frequency_hz[passed], phase_rad[passed], weight[passed], shift * dt_s),
+        lag_s=lag_s,
         segment_s=size * dt_s,
         segments=spectra.segments,
         independent_segments=independent,
@@ -263,22 +262,22 @@ def _smooth(values: FloatArray) -> FloatArray:
     return np.convolve(values, np.ones(5), "same") / np.convolve(np.ones(len(values)), np.ones(5), "same")
 
 
-def _low(frequency_hz: FloatArray, below_hz: float) -> np.ndarray:
-    return (frequency_hz <= below_hz) | (np.arange(len(frequency_hz)) < 3)
+def _backwards(aligned: np.ndarray, weight: FloatArray) -> bool:
+    """Whether more current makes the machine slower, by the lowest frequencies that are known."""
+    low = np.flatnonzero(weight > 0.0)[:3]
+    return float(np.sum(weight[low] * np.real(aligned[low]))) < 0.0
 
 
-def _level(frequency_hz: FloatArray, weight: FloatArray, log_gain: FloatArray, cutoff_hz: float) -> Estimate:
-    """Return the log gain at frequency 0: log g = L - b f^2 well below the cut-off, L alone where bins are few."""
-    low = (weight > 0.0) & (frequency_hz < 0.4 * cutoff_hz)
-    if low.sum() >= 5:
-        basis = np.column_stack([np.ones(low.sum()), (frequency_hz[low] / cutoff_hz) ** 2])
-    else:
-        low = (weight > 0.0) & _low(frequency_hz, 0.2 * cutoff_hz)
-        low = low if low.any() else weight > 0.0
-        basis = np.ones((low.sum(), 1))
-    covariance = np.linalg.inv(basis.T @ (weight[low, None] * basis))
-    value = (covariance @ (basis.T @ (weight * log_gain)[low]))[0]
-    return Estimate(float(value), math.sqrt(NEIGHBOURS * float(covariance[0, 0])))
+def _slowest(
+    frequency_hz: FloatArray, upright: np.ndarray, weight: FloatArray, trusted: np.ndarray, aligned_s: float
+) -> tuple[Estimate, Estimate]:
+    """Return log gain and lag of slow changes; where too few bins are known the lowest gain, and no lag."""
+    at, std = frequency_hz[trusted], 1.0 / np.sqrt(weight[trusted])
+    found = at_rest(at, upright[trusted], std, NEIGHBOURS)
+    if found is None:
+        return Estimate(math.log(abs(upright[trusted][0])), float(std[0])), Estimate(math.nan, math.nan)
+    level, left_s = found
+    return level, Estimate(aligned_s + left_s.value, left_s.std)
 
 
 def _decibel(log_ratio: FloatArray) -> FloatArray:
@@ -379,13 +378,3 @@ def _trend(f_hz: FloatArray, gain_db: FloatArray, std_db: FloatArray, keep: np.n
         loss="soft_l1",
     )
     return trend(fitted.x, f_hz)
-
-
-def _lag(frequency_hz: FloatArray, phase_rad: FloatArray, weight: FloatArray, aligned_s: float) -> Estimate:
-    """Return the low-frequency lag: the alignment and the slope through 0 of what phase is left."""
-    omega = 2.0 * math.pi * frequency_hz
-    total = float(np.sum(weight * omega**2))
-    if total == 0.0:
-        return Estimate(aligned_s, math.nan)
-    left_s = -float(np.sum(weight * omega * phase_rad)) / total
-    return Estimate(aligned_s + left_s, math.sqrt(NEIGHBOURS / total))

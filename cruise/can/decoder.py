@@ -3,8 +3,9 @@
     value = scale raw + offset,    NaN for a raw value that SAE J1939-71 keeps for "error" and "not available"
 
 Other messages are those of the machine's own controllers, which recordings hold and nothing drives by: no counter, no
-CRC and no address of them is known. Those of J1939 (VFrameFormat in the file) are found by their PGN, whoever sends
-them; what isn't J1939 has no value that means "not available".
+CRC and no address of them is known. Those of J1939 (VFrameFormat in the file) are found by their PGN and the address
+that the file has them sent from, or whoever sends them where the file knows one of that PGN only: proprietary PGNs mean
+something else from every controller. What isn't J1939 has no value that means "not available".
 """
 
 from collections.abc import Iterable, Mapping
@@ -22,6 +23,8 @@ from cruise.signals import Reading
 
 J1939: Final = "j1939"
 _PDU1_MASK: Final = 0x03FF0000  # the PGN's low byte is the destination
+_SOURCE: Final = 0xFF  # the identifier's low byte
+_ANYBODY: Final = 0xFE  # the null address: a file that has a message sent from there has it sent by whomever
 
 
 class Decoder:
@@ -34,10 +37,11 @@ class Decoder:
         self.problems = problems
         self._codec = codec
         self._exact: dict[tuple[int, bool], Message] = {}
-        self._by_pgn: dict[int, Message] = {}
+        self._by_pgn: dict[int, dict[int, Message]] = {}  # and by its source address
         for message in others:
             if message.protocol == J1939:
-                self._by_pgn[_pgn_bits(message.frame_id)] = message
+                same = self._by_pgn.setdefault(_pgn_bits(message.frame_id), {})
+                same[message.frame_id & _SOURCE] = message
             else:
                 self._exact[message.frame_id, message.is_extended_frame] = message
 
@@ -55,7 +59,7 @@ class Decoder:
             return decoded
         message = self._exact.get((frame.arbitration_id, frame.is_extended_id))
         if message is None and frame.is_extended_id:
-            message = self._by_pgn.get(_pgn_bits(frame.arbitration_id))
+            message = self._of_j1939(frame.arbitration_id)
         if message is None or message.is_container:
             return decoded
         try:
@@ -63,6 +67,11 @@ class Decoder:
         except (DatabaseError, ValueError):
             return Decoded(message.name, fault=FrameFault.TOO_SHORT)
         return Decoded(message.name, tuple(_readings(message, raws, frame.timestamp)))
+
+    def _of_j1939(self, arbitration_id: int) -> Message | None:
+        same = self._by_pgn.get(_pgn_bits(arbitration_id), {})
+        anybody = next(iter(same.values())) if len(same) == 1 else same.get(_ANYBODY)
+        return same.get(arbitration_id & _SOURCE, anybody)
 
 
 def _pgn_bits(arbitration_id: int) -> int:

@@ -75,6 +75,23 @@ def test_a_further_j1939_message_comes_from_anybody_and_keeps_the_ranges_of_the_
     assert values(decoder.decode(frame(0x18FEE1F0, b"\xff\xfa" + bytes(6))))["header_height_mm"] == 32127.5
 
 
+def test_one_pgn_from_two_controllers_is_two_messages(path, tmp_path):
+    """18FF2103 and 18FF2121; what a third sends by that PGN is neither. HeaderState, from 3E, comes from anybody."""
+    two = "".join(
+        f'BO_ {0x98FF2100 | address} From{name}: 8 Machine\n SG_ {signal} : 0|16@1+ (1,0) [0|64255] "" Cruise\n\n'
+        for address, name, signal in ((0x03, "A", "header_mm"), (0x21, "B", "rotor_rpm"))
+    )
+    formats = "".join(f'BA_ "VFrameFormat" BO_ {0x98FF2100 | address} 3;\n' for address in (0x03, 0x21))
+    text = path.read_text().replace("BO_ 2566840830 HeaderState", two + "BO_ 2566840830 HeaderState")
+    file = tmp_path / "two.dbc"
+    file.write_text(text.replace('BA_ "VFrameFormat"', formats + 'BA_ "VFrameFormat"', 1))
+    both = Decoder.load(file, CanSettings())
+    data = bytes([50, 0]) + bytes(6)
+    assert values(both.decode(frame(0x18FF2103, data))) == {"header_mm": 50.0}
+    assert values(both.decode(frame(0x0CFF2121, data))) == {"rotor_rpm": 50.0}
+    assert both.decode(frame(0x18FF2140, data)).fault is FrameFault.UNKNOWN
+
+
 def test_a_message_to_one_address_is_known_whatever_the_address(decoder):
     for destination in (0x11, 0x2C):
         decoded = decoder.decode(frame(0x00E5_0005 | destination << 8, bytes([225] * 8)))

@@ -49,3 +49,19 @@ def test_what_is_not_understood_changes_nothing(tool: str, words: list[str], tmp
     assert ran.returncode != 0
     assert "--root" in ran.stderr
     assert left(tmp_path) == set()
+
+
+def test_an_image_beside_us_is_whole_and_everybody_can_run_it_whatever_the_umask(tmp_path: Path):
+    """As an integrator builds one: a relative folder, a careful shell. `pip` brings the packages."""
+    script = f"umask 077; '{ROOT}/tools/install' --root image"
+    ran = subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=False, cwd=tmp_path)
+    assert ran.returncode == 0, ran.stderr
+    image = tmp_path / "image"
+    program = image / PROGRAM
+    assert program.read_text().splitlines()[0] == "#!/opt/cruise/bin/python"
+    assert not (ROOT / "image").exists()
+    for path in (image / "opt", image / "etc", *(image / "opt").rglob("*")):
+        wanted = 0o555 if path.is_dir() else 0o444
+        assert path.stat().st_mode & wanted == wanted, path
+    subprocess.run([str(ROOT / "tools/uninstall"), "--root", "image", "--purge"], check=True, cwd=tmp_path)
+    assert left(image) == set()

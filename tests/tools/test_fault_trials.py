@@ -3,11 +3,13 @@
 import json
 import math
 from dataclasses import replace
+from functools import cache
 from random import Random
 
 import pytest
 from typer.testing import CliRunner
 
+from cruise.can.frame import Frame
 from cruise.control.engagement import State
 from tools.faults import clean, scores, trial
 from tools.faults.__main__ import app, plans
@@ -26,6 +28,49 @@ def test_there_are_thirty_faults_and_each_says_what_could_reveal_it():
         assert row.does
         assert row.redundancy
         assert isinstance(row.make(Random(1)), Fault)
+
+
+def _happened(fault: Fault | None, from_s: float) -> tuple:
+    """Every frame that anybody heard, what the machine did, what was commanded and what the service has learned."""
+    bed = Bed(manoeuvre(3), fault)
+    heard = []
+
+    def hear(sender: str, frame: Frame) -> None:
+        heard.append((bed.wire.now_s, sender, frame.arbitration_id, bytes(frame.data)))
+        bed._hear(sender, frame)
+
+    bed.wire.heard = hear
+    bed.run(11.5, from_s)
+    return heard, bed.rows, bed.commands, bed.died, repr(bed.node.estimator.rls.theta)
+
+
+@cache
+def _without_fault() -> tuple:
+    return _happened(None, math.inf)
+
+
+@pytest.mark.parametrize("name", [name for name in FAULTS if name != "disk full"])  # that one has a test of its own
+def test_every_fault_does_something(name):
+    row = FAULTS[name]
+    assert _happened(row.make(Random(name)), 0.0 if row.from_start else 8.0) != _without_fault()
+
+
+def test_a_fault_that_passes_is_still_there_when_the_operator_engages():
+    for name in ("speed zero", "CCVS lost"):
+        for seed in range(200):
+            plan, engage_s = Plan.of(FAULTS[name], seed), manoeuvre(seed).engage_s
+            assert plan.to_s > engage_s
+            assert plan.to_s - max(plan.from_s, engage_s) >= 0.2
+
+
+def test_an_exit_before_the_fault_is_none_of_its_work():
+    plan = Plan(FAULTS["speed zero"], 3, 16.0, math.inf)
+    bed = Bed(manoeuvre(3), FAULTS["CCVS lost"].make(Random(1))).run(plan.seconds, 9.0, math.inf, trial.AFTER_S)
+    found = trial.judge(plan, bed)
+    assert (found.verdict, found.failed) == ("void", True)
+    figures = {figure.key: figure for figure in scores.figures([found, CALM])}
+    assert (figures["void"].value, figures["void"].verdict) == (1, "missed")
+    assert figures["harmless_by_measure"].value == 1
 
 
 def test_plans_go_round_by_round_and_are_those_of_their_seed():

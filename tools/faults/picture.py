@@ -15,6 +15,7 @@ COLOURS: Final = {
     "harmless": "#b5b5b5",
     "bounded": "#dd8452",
     "silent": "#c44e52",
+    "void": "#8c564b",
 }
 
 

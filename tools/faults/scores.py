@@ -57,6 +57,7 @@ def figures(outcomes: Sequence[Outcome]) -> list[Figure]:
         Figure("faults", len({one.fault for one in outcomes}), "1", "faults", at_least=LEAST_FAULTS),
         Figure("trials", len(outcomes), "1", "trials", at_least=LEAST_TRIALS),
         Figure("silent", count["silent"], "1", "silent failures", 0.0),
+        Figure("void", count["void"], "1", "exits before the fault came", 0.0),
         Figure("active_after", sum(one.active_after for one in outcomes), "1", "trials with a command after exit", 0.0),
         Figure("crashed", sum(one.crashed for one in outcomes), "1", "service ended by an exception", 0.0),
         Figure("detected", len(detected), "1", "detected"),

@@ -36,7 +36,7 @@ class Outcome:
     seed: int
     from_s: float
     to_s: float
-    verdict: str  # detected, refused, harmless, bounded, or silent
+    verdict: str  # detected, refused, harmless, bounded, silent, or void: an exit came before the fault
     how: str  # the exit's condition and reason, or the contradiction, or what stood in the way
     after_s: float  # from the fault to the exit
     silence_s: float  # from the last frame of the message that is silenced to the exit
@@ -59,7 +59,7 @@ class Outcome:
     @property
     def failed(self) -> bool:
         """Whether anything here must not be."""
-        return self.verdict == "silent" or self.active_after or self.crashed or not self.in_time
+        return self.verdict in ("silent", "void") or self.active_after or self.crashed or not self.in_time
 
     def as_json(self) -> dict[str, Any]:
         """By name; NaN becomes None."""
@@ -81,11 +81,11 @@ class Plan:
 
     @classmethod
     def of(cls, row: FaultRow, seed: int) -> "Plan":
-        """By the dice of the seed: one in six is there before the operator engages, half go away again."""
+        """By the dice of the seed: one in six is there before the operator engages, half go away again after that."""
         rng = Random(f"{row.name} {seed}")
         engage_s = manoeuvre(seed).engage_s
         from_s = rng.uniform(2.5, engage_s) if rng.random() < 1.0 / 6.0 else rng.uniform(engage_s + 0.3, SECONDS - 5.0)
-        to_s = math.inf if rng.random() < 0.5 or row.lasting else from_s + rng.uniform(0.2, 4.0)
+        to_s = math.inf if rng.random() < 0.5 or row.lasting else max(from_s, engage_s) + rng.uniform(0.2, 4.0)
         return cls(row, seed, 0.0, math.inf) if row.from_start else cls(row, seed, round(from_s, 2), to_s)
 
 
@@ -116,7 +116,9 @@ def judge(plan: Plan, bed: Bed) -> Outcome:
     if not harmless and took_over and not within:
         usual_mps, usual_mps2 = _harm_without(plan)
         harmless = overspeed_mps <= max(OVERSPEED_MPS, usual_mps) and accel_mps2 <= max(ACCEL_MPS2, usual_mps2)
-    if not took_over:
+    if exit_s < plan.from_s:
+        verdict = "void"
+    elif not took_over:
         verdict = "refused" if plan.from_s <= manoeuvre(plan.seed).engage_s else "silent"
     elif within:
         verdict = "detected"

@@ -14,7 +14,7 @@ from .course import FULL_MA, GRAIN_KG, RATED_RPM, Course, FloatArray, wander
 from .trial import PERIOD_S, Trial
 
 EXPERIMENTS: Final = Path(__file__).with_name("experiments.yaml")
-STREAM: Final = 4
+STREAM: Final = 6
 LEVER_S: Final = 0.4  # s that a hand takes to move the lever, or to change whatever else
 SWEEP_HZ: Final = (0.1, 3.0)
 

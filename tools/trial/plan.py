@@ -1,4 +1,9 @@
-"""Which trials are held: every one by kind, effects, size and seed, all of them different drives."""
+"""Which trials are held: every one by kind, effects, size and seed.
+
+What is counted within one size, or of drives with nothing or with several effects, is of different drives. The sizes of
+one effect, and the trial that leaves it out of the table, share a drive in one seed, as its sizes are looked for along
+it: a share over all sizes is known a little less well than its interval says.
+"""
 
 from collections.abc import Iterator, Sequence
 from typing import Final, Literal

@@ -37,6 +37,7 @@ INPUT_MEMORY_S: Final = 4.0  # longer, or what the speed remembers of an old cur
 FEEDBACK_P: Final = 1e-3
 FEEDBACK_SHARE: Final = 0.01  # of the unexplained variance of the current
 REST_S: Final = 3.0  # s, after which the speed has settled
+ROUNDING_MPS: Final = 1e-9  # what a difference of two equal readings may be
 FEWEST_AT_REST: Final = 50
 
 
@@ -329,7 +330,7 @@ def _noise(whole: Sequence[Piece]) -> Noise | None:
         differences.append(np.diff(piece.speed_mps)[rests])
     steps = np.concatenate(differences) if differences else np.zeros(0)
     if len(steps) >= FEWEST_AT_REST:
-        return Noise(1.4826 * float(np.median(np.abs(steps))) / math.sqrt(2.0), "differences while the current rests")
+        return Noise(_from_steps(np.abs(steps)), "differences while the current rests")
     longest = max(whole, key=len)
     if len(longest) < FEWEST_AT_REST:
         return None
@@ -337,3 +338,17 @@ def _noise(whole: Sequence[Piece]) -> Noise | None:
     frequency_hz, density = signal.welch(longest.speed_mps, rate_hz, "hann", min(256, len(longest)))
     floor = float(np.median(density[frequency_hz > 0.375 * rate_hz]))
     return Noise(math.sqrt(floor * rate_hz / 2.0), "spectrum above three quarters of half the sampling rate")
+
+
+def _from_steps(steps_mps: FloatArray) -> float:
+    """Return the noise whose differences are these (N,): their median, but where that is one or two digits their mean.
+
+    A reading of resolution q is off by q / sqrt(12) at least in the mean square, though it does not move at all.
+    """
+    moved = steps_mps[steps_mps > ROUNDING_MPS]
+    digit_mps = float(moved.min()) if len(moved) else 0.0
+    robust_mps = 1.4826 * float(np.median(steps_mps)) / math.sqrt(2.0)
+    if digit_mps < 0.5 * robust_mps:
+        return robust_mps
+    clipped = np.minimum(steps_mps, 3.0 * digit_mps)
+    return max(math.sqrt(float(np.mean(clipped**2)) / 2.0), digit_mps / math.sqrt(12.0))

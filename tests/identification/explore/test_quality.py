@@ -72,6 +72,17 @@ def test_a_sensor_that_clips_is_found():
     assert examined(u, y).output_share_at_high < 0.01
 
 
+@pytest.mark.parametrize("std_mps", [0.002, 0.006, 0.02])
+@pytest.mark.parametrize("digit_mps", [0.001, 0.01, 0.1 / 3.6])
+def test_the_noise_of_a_coarse_sensor_is_not_none(digit_mps, std_mps):
+    u = np.repeat(np.random.default_rng(4).uniform(400.0, 900.0, 60), 200)  # 10 s each
+    true_mps = through(*lag(1.0), 10, u)
+    read_mps = np.round((true_mps + noise(len(u), 2, std_mps)) / digit_mps) * digit_mps
+    found = examined(u, read_mps).noise
+    assert found is not None
+    assert found.std_mps == pytest.approx(float(np.sqrt(np.mean((read_mps - true_mps) ** 2))), rel=0.3)
+
+
 def test_noise_is_seen_in_the_spectrum_where_the_current_never_rests():
     u = white(6000, 2)
     found = examined(u, through(*lag(0.2), 10, u) + noise(6000, 2, 0.2))

@@ -239,11 +239,6 @@ class Multisine(
         """The same signal with another length, in whole periods."""
         return msgspec.structs.replace(self, periods=max(round(seconds / self.period_s), 1))
 
-    def crest_factor(self, seed: Seed = (0,)) -> float:
-        """Peak over effective value of the part without the mean."""
-        lines = self._lines()
-        return float(np.abs(self._dense(self._phases(seed))).max() / math.sqrt(0.5 * len(lines)))
-
     def form(self, seed: Seed) -> Form:
         """The current as a function of the time since the signal began."""
         phases = self._phases(seed)

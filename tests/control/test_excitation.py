@@ -147,11 +147,13 @@ def test_a_multisine_is_flat_in_its_band_and_empty_elsewhere(phases):
     np.testing.assert_allclose(current[:400], current[400:800], atol=1e-6)
 
 
-def test_the_crest_factor_of_schroeders_phases_is_low_and_that_of_the_signal():
-    current = values(SINES, step_s=0.005) - 750.0
-    assert SINES.crest_factor() == pytest.approx(np.abs(current).max() / current.std(), rel=0.01)
-    assert SINES.crest_factor() < 1.95
-    assert msgspec.structs.replace(SINES, phases="random").crest_factor() > 2.4
+def test_schroeders_phases_keep_the_peaks_low():
+    def crest_factor(kind: Multisine) -> float:
+        current = values(kind, step_s=0.005) - 750.0
+        return float(np.abs(current).max() / current.std())
+
+    assert crest_factor(SINES) < 1.95
+    assert crest_factor(msgspec.structs.replace(SINES, phases="random")) > 2.4
 
 
 @given(st.sampled_from(KINDS), st.floats(1.0, 1000.0))

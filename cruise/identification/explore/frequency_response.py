@@ -22,7 +22,8 @@ import numpy as np
 from scipy import optimize, signal, stats
 
 from cruise.identification.explore.at_rest import at_rest
-from cruise.identification.explore.pieces import Estimate, NotPossible, Piece, pieces, runs, unmoved
+from cruise.identification.explore.pieces import Estimate, NotPossible, Piece, pieces, unmoved
+from cruise.model.prediction import runs
 from cruise.recording import Recording
 from cruise.sampling import FloatArray
 
@@ -346,16 +347,16 @@ def _bump(
             return None
         above = gain_db - _trend(f_hz, gain_db, std_db, keep, cutoff_hz)
         standing = [
-            run for run in runs(inside & (low_db > gain_db - above)) if run[1] - run[0] >= BUMP_BINS
+            run for run in runs(inside & (low_db > gain_db - above)) if run.stop - run.start >= BUMP_BINS
         ]  # the lower edge of the band is above the trend
         if not standing:
             return None
-        start, stop = max(standing, key=lambda run: float(np.sum(above[run[0] : run[1]])))
-        peak = start + int(np.argmax(above[start:stop]))
+        highest = max(standing, key=lambda run: float(np.sum(above[run])))
+        peak = highest.start + int(np.argmax(above[highest]))
         found = Bump(float(f_hz[peak]), float(np.mean(above[max(peak - 1, 0) : peak + 2])))
-        whole = next(run for run in runs(above > 0.0) if run[0] <= peak < run[1])
+        whole = next(run for run in runs(above > 0.0) if run.start <= peak < run.stop)
         keep = use.copy()
-        keep[whole[0] : whole[1]] &= f_hz[whole[0] : whole[1]] <= cutoff_hz
+        keep[whole] &= f_hz[whole] <= cutoff_hz
     return found if found is not None and found.height_db >= SMALLEST_BUMP_DB else None
 
 

@@ -10,6 +10,7 @@ from typing import Final
 
 import numpy as np
 
+from cruise.model.prediction import runs
 from cruise.recording import Recording, RecordingError
 from cruise.sampling import FloatArray
 
@@ -63,17 +64,10 @@ def pieces(recordings: Sequence[Recording]) -> list[Piece]:
                 f"{recordings[0].dt_s:g} s: read both with one sampling period"
             )
         whole = np.isfinite(recording.input) & np.isfinite(recording.output)
-        for start, stop in runs(whole):
-            part = slice(start, stop)
-            start_s = float(recording.time_s[start])
+        for part in runs(whole):
+            start_s = float(recording.time_s[part.start])
             found.append(Piece(start_s, recording.dt_s, recording.input[part], recording.output[part]))
     return found
-
-
-def runs(flags: np.ndarray) -> list[tuple[int, int]]:
-    """Return start and stop of every run of true values in `flags` (N,)."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
-    return [(int(start), int(stop)) for start, stop in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def centred(parts: Sequence[FloatArray]) -> list[FloatArray]:

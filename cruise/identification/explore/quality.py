@@ -20,7 +20,8 @@ import numpy as np
 from scipy import ndimage, signal, stats
 
 from cruise.identification.explore.cross_correlation import CrossCorrelation
-from cruise.identification.explore.pieces import NotPossible, Piece, centred, pieces, runs, unmoved
+from cruise.identification.explore.pieces import NotPossible, Piece, centred, pieces, unmoved
+from cruise.model.prediction import runs
 from cruise.recording import Recording
 from cruise.sampling import FloatArray
 
@@ -167,9 +168,9 @@ def quality(
         return NotPossible("no sample has both current and speed: record both")
     samples = sum(len(recording) for recording in recordings)
     gaps = [
-        (stop - start) * recording.dt_s
+        (hole.stop - hole.start) * recording.dt_s
         for recording in recordings
-        for start, stop in runs(~(np.isfinite(recording.input) & np.isfinite(recording.output)))
+        for hole in runs(~(np.isfinite(recording.input) & np.isfinite(recording.output)))
     ]
     current_ma = np.concatenate([piece.current_ma for piece in whole])
     speed_mps = np.concatenate([piece.speed_mps for piece in whole])
@@ -280,13 +281,13 @@ def _share_at(values: FloatArray, sign: float) -> float:
 def _stuck(whole: Sequence[Piece], moved_ma: float) -> Stuck | None:
     longest = None
     for piece in whole:
-        for start, stop in runs(np.diff(piece.speed_mps) == 0.0):
-            duration_s = (stop + 1 - start) * piece.dt_s
+        for run in runs(np.diff(piece.speed_mps) == 0.0):
+            duration_s = (run.stop + 1 - run.start) * piece.dt_s
             if longest is not None and duration_s <= longest.duration_s:
                 continue
-            if np.ptp(piece.current_ma[start : stop + 1]) > moved_ma > 0.0:
-                start_s = piece.start_s + start * piece.dt_s
-                longest = Stuck(start_s, duration_s, float(piece.speed_mps[start]))
+            if np.ptp(piece.current_ma[run.start : run.stop + 1]) > moved_ma > 0.0:
+                start_s = piece.start_s + run.start * piece.dt_s
+                longest = Stuck(start_s, duration_s, float(piece.speed_mps[run.start]))
     return longest
 
 

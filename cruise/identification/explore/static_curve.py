@@ -20,7 +20,8 @@ from typing import Final
 import numpy as np
 from scipy import optimize, signal, stats
 
-from cruise.identification.explore.pieces import Estimate, NotPossible, Piece, pieces, runs, unmoved
+from cruise.identification.explore.pieces import Estimate, NotPossible, Piece, pieces, unmoved
+from cruise.model.prediction import runs
 from cruise.recording import Recording
 from cruise.sampling import FloatArray
 
@@ -241,13 +242,13 @@ def _stretches(piece: Piece, range_ma: float) -> list[tuple[int, int]]:
     least = 4.0 * noise_ma * np.sqrt(12.0 / size**3) / piece.dt_s + range_ma / 1800.0
     found = []
     for sign in (1.0, -1.0):
-        for start, stop in runs(sign * slope > least):
-            if stop - start < shortest:
+        for run in runs(sign * slope > least):
+            if run.stop - run.start < shortest:
                 continue
-            steady = np.abs(slope[start:stop] / np.median(slope[start:stop]) - 1.0) <= STEADY
-            first, last = max(runs(steady), key=lambda run: run[1] - run[0])
-            if last - first >= shortest:
-                found.append((start + first, start + last))
+            steady = np.abs(slope[run] / np.median(slope[run]) - 1.0) <= STEADY
+            longest = max(runs(steady), key=lambda part: part.stop - part.start)
+            if longest.stop - longest.start >= shortest:
+                found.append((run.start + longest.start, run.start + longest.stop))
     return sorted(found)
 
 

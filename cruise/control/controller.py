@@ -282,6 +282,13 @@ class Controller:
             self._programmes[key] = found
         return found
 
+    def _trend_mps2(self) -> float:
+        """At which rate what is measured moves the speed; an engine freed of its load goes back to its own speed."""
+        speed_mps = self.observer.speed_mps
+        believed_mps2 = self.observer.calm * self.trend.rate_mps2(speed_mps)
+        regains = self.power.regains(self.signals.get("engine_speed_rpm", math.nan))
+        return min(believed_mps2, regains * abs(speed_mps) / self.settings.predictive.believed_s)
+
     def _plan(self, state: ModelState, setpoint_mps: float, gently: bool) -> None:
         model, settings, signals = self.model, self.settings, self.signals
         self.past_references.append(self.reference.step(setpoint_mps, self.frame_s))
@@ -303,7 +310,7 @@ class Controller:
             gain * np.array(state.drives),
             np.array([steady_mps(value) for value in self.shaper.states_ma]),
             load_mps + self.observer.disturbance_mps,
-            self.observer.calm * self.trend.rate_mps2(self.observer.speed_mps),
+            self._trend_mps2(),
             self.wanted_mps - load_mps,
         )
         low, high = steady_mps(limits.current_min_ma), steady_mps(limits.current_max_ma)

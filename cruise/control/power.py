@@ -3,29 +3,35 @@
     c_(k+1) = c_k - a T   while load > HIGH and n < s n_0, from the present speed on;   + b T   while load < LOW
 
 c highest setpoint in m/s, a and b rates in m/s2, T frame in s, load the engine's own figure in percent of the torque
-available at its speed, through a lag, n engine speed, n_0 the one that it had before it was loaded, s share. An engine
-that lugs a little gains torque and carries on; one that keeps losing speed stalls, and the feed-forward of the engine
-speed would answer with more stroke, which takes more torque still: the setpoint gives way before that. A line whose
-relief valve opens gives no more force whatever the stroke: the setpoint is then the present speed. Where neither load
-nor pressure is measured nothing is done here. Source: the anti-stall (load limiting) control of hydrostatic drives.
+available at its speed, through a lag that begins near LOW (one that begins at idle needs seconds to come near HIGH), n
+engine speed, n_0 the one that it had before it was loaded, which follows n downwards no faster than an operator
+throttles back, s share. An engine that lugs a little gains torque and carries on; one that keeps losing speed stalls,
+and the feed-forward of the engine speed would answer with more stroke, which takes more torque still: the setpoint
+gives way before that. A line whose relief valve opens gives no more force whatever the stroke: the setpoint is then the
+present speed. Where neither load nor pressure is measured nothing is done here. Source: the anti-stall (load limiting)
+control of hydrostatic drives.
 """
 
 import math
+from typing import Final
 
 import msgspec
 
 from cruise.settings import Positive
 
+NEAR_PCT: Final = 2.0  # %, below LOW: where the lag of the load begins
+
 
 class PowerSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """When the setpoint gives way, and how fast."""
 
-    high_pct: Positive = 99.0  # %, of the torque that the engine has
+    high_pct: Positive = 98.0  # %, of the torque that the engine has; on the bus it comes in whole percent
     low_pct: Positive = 95.0
     sag_share: Positive = 0.92  # of the engine speed before the load came: torque rises by as much on the way there
     down_mps2: Positive = 0.4  # m/s2, below what the reference may do
     up_mps2: Positive = 0.05  # m/s2, slowly back: the load rises with the speed
     lag_s: Positive = 0.3  # s, a gust of crop is no overload
+    throttled_rpmps: Positive = 200.0  # rpm/s: an engine that slows down faster was not throttled back
     pressure_max_bar: Positive = 380.0  # bar, from which the relief valve opens; closed circuits are set to 350..450
     pressure_back: Positive = 0.9  # of it, below which there is force left again
 
@@ -54,6 +60,12 @@ class PowerGuard:
         """Whether the setpoint gives way."""
         return self.spent or math.isfinite(self.cap_mps)
 
+    def regains(self, engine_rpm: float) -> float:
+        """ln(n_0 / n), by which an engine that is loaded may become faster once the load goes; else infinite."""
+        if not math.isfinite(self.cap_mps) or not self.unloaded_rpm > 0.0 or not engine_rpm > 0.0:
+            return math.inf
+        return max(math.log(self.unloaded_rpm / engine_rpm), 0.0)
+
     def step(
         self, load_pct: float, engine_rpm: float, pressure_bar: float, speed_mps: float, setpoint_mps: float
     ) -> float:
@@ -61,12 +73,14 @@ class PowerGuard:
         settings = self.settings
         self.spent = pressure_bar > settings.pressure_max_bar * (settings.pressure_back if self.spent else 1.0)
         if math.isfinite(load_pct):
-            before = self.load_pct if math.isfinite(self.load_pct) else load_pct
-            self.load_pct = before + self.share * (load_pct - before)
+            shown_pct = max(load_pct, settings.low_pct - NEAR_PCT)
+            before = self.load_pct if math.isfinite(self.load_pct) else shown_pct
+            self.load_pct = before + self.share * (shown_pct - before)
         else:
             self.load_pct = math.nan
         if load_pct < settings.low_pct:
-            self.unloaded_rpm = engine_rpm
+            least_rpm = self.unloaded_rpm - settings.throttled_rpmps * self.frame_s
+            self.unloaded_rpm = max(engine_rpm, least_rpm) if math.isfinite(least_rpm) else engine_rpm
         if self.load_pct > settings.high_pct and engine_rpm < settings.sag_share * self.unloaded_rpm:
             self.cap_mps = max(min(self.cap_mps, speed_mps) - settings.down_mps2 * self.frame_s, 0.0)
         elif not self.load_pct >= settings.low_pct:

@@ -5,6 +5,7 @@ follows the same rules.
 """
 
 import difflib
+import math
 from collections.abc import Callable, Collection, Mapping
 from typing import Final
 
@@ -20,6 +21,8 @@ from cruise.signals import CONTEXT, INPUT, OUTPUT, SIGNALS
 TIME: Final = "time_s"
 MAX_STEP_S: Final = 3.0  # no prediction that is judged 3 s ahead can be made from rarer readings
 MAX_GAP_NOTES: Final = 5
+CLOCK_DIGITS: Final = 6  # of s: seconds since 1970 hold no more
+CLOCK_S: Final = 1e8  # s, three years: times beyond are those of a clock, and no drive's own
 MOST_CODES: Final = 2  # values that a logger writes for "error" and "not available"; what is measured has more
 CODES_APART: Final = 0.25  # of a signal's range, by which they are apart from all that was measured
 FULL_MA: Final = 1000.0  # mA, what an input that is a share of all is taken to be of
@@ -67,12 +70,13 @@ def tabulated(
     can't be used.
     """
     said = list(notes)
-    wanted = (_time_of(raw, settings, said), settings.input, settings.output)
+    wanted = (time_of(raw, settings, said), settings.input, settings.output)
     time, current, speed = _roles(header, raw, settings, wanted)
     time_s = _scaled(raw[time], settings.columns.get(time))
     if time.endswith("_ms") and time not in settings.columns:
         time_s = 1e-3 * time_s
         said.append(f"{time}: read as ms; columns: {{{time}: {{scale: 1}}}} in the file of --columns takes it as s")
+    time_s = _from_its_start(time_s, said)
     keep = _usable_rows(source, time, time_s, place, said)
     columns = {name: _last_of_each(time_s, values, keep) for name, values in raw.items() if name != time}
     time_s = time_s[keep]
@@ -107,7 +111,17 @@ def arranged(
     return on_grid(max(measured.values(), key=typical_step), signals, dt_s, source, tuple(said))
 
 
-def _time_of(names: Collection[str], settings: RecordingSettings, notes: list[str]) -> str:
+def _from_its_start(time_s: FloatArray, notes: list[str]) -> FloatArray:
+    """Return the times; those of a clock, since 1970, counted from the whole second of the first, and a note on it."""
+    known = time_s[~np.isnan(time_s)]
+    if not len(known) or known[0] < CLOCK_S:
+        return time_s
+    start_s = math.floor(known[0])
+    notes.append(f"times count from {np.datetime64(start_s, 's')}, {start_s} s since 1970")
+    return np.round(time_s - start_s, CLOCK_DIGITS)
+
+
+def time_of(names: Collection[str], settings: RecordingSettings, notes: list[str]) -> str:
     """Return the name of the time: where nobody has said it and there is no time_s, the one column that sounds so."""
     sounding = [name for name in names if "time" in name.lower()]
     said = settings.time != TIME or any(one.signal == TIME for one in settings.columns.values())
@@ -137,6 +151,10 @@ def _roles(where: str, names: Collection[str], settings: RecordingSettings, want
         _require(role, name, where, names)
     if len(set(found)) < len(found):
         raise RecordingError(f"{where}: one column cannot be both input and output, or time; choose three")
+    if role_of_time := set(_gate_columns(settings)) & set(found[: len(wanted) - 2]):
+        raise RecordingError(
+            f"{where}: active_when: {role_of_time.pop()!r} is the time, and no flag; choose another column"
+        )
     for role, others in (("columns", settings.columns), ("active_when", _gate_columns(settings))):
         for name in others:
             _require(role, name, where, names)

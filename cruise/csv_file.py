@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from cruise.columns import TIME, RecordingSettings, column_of, tabulated
+from cruise.columns import TIME, RecordingSettings, column_of, tabulated, time_of
 from cruise.recording import Recording, RecordingError, listed
 from cruise.sampling import FloatArray
 from cruise.settings import replaced
@@ -39,7 +39,7 @@ def read_csv(path: str | Path, settings: RecordingSettings, dt_s: float | None =
         return tabulated(str(path), raw, settings, dt_s, lambda row: f"{path}:{row + 2}", f"{path}:1")
     header, rows = _read_rows(path, lines, delimiter)
     raw = {name: numbers([row[index] for _, row in rows]) for index, name in enumerate(header)}
-    time = column_of(settings.time, header, settings)
+    time = column_of(time_of(header, settings, []), header, settings)
     if time in raw and np.isnan(raw[time]).all():
         raw[time] = np.array([_stamp_s(row[header.index(time)]) for _, row in rows])
     return tabulated(str(path), raw, settings, dt_s, lambda row: f"{path}:{rows[row][0]}", f"{path}:1")

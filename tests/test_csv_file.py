@@ -104,11 +104,24 @@ def test_times_can_be_stamps(tmp_path, stamp, start_s):
     rows = [f"{stamp.format(0.1 * k)},{k},1" for k in range(20)]
     rows[4] = rows[4].replace("2026", "now")
     read = read_csv(csv_of(tmp_path, rows, "Time,pump_current_ma,ground_speed_mps"), RecordingSettings(time="Time"))
-    np.testing.assert_allclose(read.time_s, start_s + 0.1 * np.arange(20), atol=1e-5)
-    assert read.notes[0] == "1 rows have no time, left out"
+    np.testing.assert_allclose(read.time_s, 0.1 * np.arange(20), atol=1e-9)
+    assert read.notes[:2] == (
+        f"times count from {np.datetime64(round(start_s), 's')}, {start_s:.0f} s since 1970",
+        "1 rows have no time, left out",
+    )
     path = csv_of(tmp_path, [*rows, "2026-13-01 00:00:00,1,1"], "Time,pump_current_ma,ground_speed_mps")
     mapped = RecordingSettings(columns={"Time": ColumnSettings(signal="time_s")})
     np.testing.assert_array_equal(read_csv(path, mapped).time_s, read.time_s)
+
+
+@pytest.mark.parametrize("name", ["time_s", "timestamp", "Time"])
+@pytest.mark.parametrize("stamp", ["2026-08-01T09:00:{:09.6f}Z", "17855747{:09.6f}"])
+def test_times_of_a_clock_count_from_the_second_in_which_the_recording_began(tmp_path, name, stamp):
+    rows = [f"{stamp.format(40.25 + 0.05 * k)},{k},1" for k in range(40)]
+    read = read_csv(csv_of(tmp_path, rows, f"{name},pump_current_ma,ground_speed_mps"), PLAIN)
+    np.testing.assert_allclose(read.time_s, 0.25 + 0.05 * np.arange(40), atol=1e-9)
+    assert read.dt_s == 0.05
+    assert any(note.startswith("times count from 2026-08-01T0") for note in read.notes)
 
 
 def test_times_in_ms_get_a_scale(tmp_path):

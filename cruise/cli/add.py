@@ -10,10 +10,10 @@ from typing import Annotated, Any
 
 import typer
 from rich import box
-from rich.console import Console
 from rich.table import Table
 
 from cruise import settings
+from cruise.cli.console import bold, printer, working
 from cruise.cli.reading import (
     NOTES_SHOWN,
     AsJson,
@@ -70,11 +70,11 @@ def add(
     if out is not None:
         writable("--out", out)
     read = tables(recordings, columns_of(columns, input_name, output_name, database))
-    with Console(highlight=False, stderr=True).status("reading") as status:
+    with working("reading") as show:
         core = file.core if file is not None else None
-        study = ladder.begin(read, structure, start, core, period_s, horizon, status.update, wanted=wanted)
-        added = ladder.add(study, wanted, status.update)
-        status.update("looking for the noise floor")
+        study = ladder.begin(read, structure, start, core, period_s, horizon, show, wanted=wanted)
+        added = ladder.add(study, wanted, show)
+        show("looking for the noise floor")
         floor = ladder.floor(study, read, added)
     if out is not None:
         made_on = datetime.now(UTC).date().isoformat()
@@ -129,20 +129,22 @@ def _wanted(text: str) -> str | Custom:
 def _print(
     model: str, study: Study, added: Added, floor: NoiseFloor, fitted: list[Parameter], out: Path | None
 ) -> None:
-    console = Console(highlight=False)
+    console = printer()
     samples = sum(len(one) for one in study.recordings)
     along = f", and with it {', '.join(added.brought_along)}" if added.brought_along else ""
-    console.print(f"[bold]{added.effect}[/bold] added to {model}{along}")
+    console.print(bold(added.effect, f" added to {model}{along}"))
     console.print(f"{count_of(len(study.recordings), 'recording')}, {samples} samples of {study.period_s:g} s")
     notes = notes_of(study.recordings)
     for note in notes[:NOTES_SHOWN]:
-        console.print(f"note: {note}", markup=False)
+        console.print(f"note: {note}")
     if len(notes) > NOTES_SHOWN:
         console.print(f"and {count_of(len(notes) - NOTES_SHOWN, 'note')} more (--json has them all)")
     less = 1.0 - added.error_after_mps / added.error_before_mps if added.error_before_mps else 0.0
+    fell = f"{added.error_before_mps:.4f} -> {added.error_after_mps:.4f} m/s"
+    console.print()
     console.print(
-        f"\nheld-out error {study.horizon_s:g} s ahead: [bold]{added.error_before_mps:.4f} -> "
-        f"{added.error_after_mps:.4f} m/s[/bold], {f'{100 * less:.0f} % less' if less >= 0.0 else 'more than before'}"
+        f"held-out error {study.horizon_s:g} s ahead:",
+        bold(fell, f", {f'{100 * less:.0f} % less' if less >= 0.0 else 'more than before'}"),
     )
     console.print(f"noise floor: {floor_in_words(floor)}")
     if _absent(added.effect, fitted):
@@ -153,7 +155,7 @@ def _print(
     if out is None:
         console.print("nothing was written; -o FILE.yaml keeps the model")
     else:
-        console.print(f"model: {out}; next: cruise ladder {out}, or cruise run with it", markup=False)
+        console.print(f"model: {out}; next: cruise ladder {out}, or cruise run with it")
 
 
 def _absent(effect: str, fitted: list[Parameter]) -> bool:

@@ -11,6 +11,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from cruise.cli.console import bold, printer, working
 from cruise.cli.places import OUT
 from cruise.cli.reading import (
     NOTES_SHOWN,
@@ -74,9 +75,9 @@ def compare(
         file = files.read(model)
         judged = structure, comparison.of_parameters(structure.family, start, file.noise_parameters)
         fitted_to = file.provenance.recordings
-    with Console(highlight=False, stderr=True).status("comparing") as status:
-        compared = comparison.compare(judged, read, preparation, horizon, status.update)
-        found = examined(model, fitted_to, compared, status.update)
+    with working("comparing") as show:
+        compared = comparison.compare(judged, read, preparation, horizon, show)
+        found = examined(model, fitted_to, compared, show)
     drawn = comparison_picture.draw(found.comparison, found.floor, found.regimes, found.stretches, model, picture)
     if as_json:
         print(json.dumps({**report(found), "picture": str(drawn)}, indent=2))
@@ -85,10 +86,10 @@ def compare(
 
 
 def _print(found: Findings, drawn: Path) -> None:
-    console, compared = Console(highlight=False, width=WIDTH), found.comparison
+    console, compared = printer(WIDTH), found.comparison
     samples = sum(len(one) for one in compared.recordings)
     structure = str(compared.structure)
-    console.print(found.name if structure == found.name else f"[bold]{found.name}[/bold] {structure}")
+    console.print(found.name if structure == found.name else bold(found.name, f" {structure}"))
     filtered = "input filtered" if compared.smooth is not None else "input as it was"
     console.print(
         f"{count_of(len(compared.recordings), 'recording')}, {samples} samples of {compared.fitted.period_s:g} s, "
@@ -99,14 +100,14 @@ def _print(found: Findings, drawn: Path) -> None:
         _say(console, found.not_held_out, 0)
     notes = notes_of(compared.recordings)
     for note in notes[:NOTES_SHOWN]:
-        console.print(f"note: {note}", markup=False)
+        console.print(f"note: {note}")
     if len(notes) > NOTES_SHOWN:
         console.print(f"and {count_of(len(notes) - NOTES_SHOWN, 'note')} more (--json has them all)")
     console.print(_accuracy_table(found))
     for sentence in floor_in_words(found.floor, compared):
         _say(console, sentence, 0)
 
-    console.print("\n[bold]where it fails[/bold]")
+    console.print(bold("\nwhere it fails"))
     named = found.regimes.named
     for one in named[:SHOWN]:
         _say(console, one.sentence + _side(one.mean_error_mps, compared.ahead.rmse_mps))
@@ -116,7 +117,7 @@ def _print(found: Findings, drawn: Path) -> None:
         if len(leaf.keys) > 1 or not any(one.key in leaf.keys for one in named):
             _say(console, f"found by the tree: {leaf.sentence}{_side(leaf.mean_error_mps, compared.ahead.rmse_mps)}")
 
-    console.print("\n[bold]worst stretches[/bold]")
+    console.print(bold("\nworst stretches"))
     for one in found.stretches:
         where = f" of {Path(compared.recordings[one.recording].source).name}" if len(compared.recordings) > 1 else ""
         times = f"{one.start_s:.0f} to {one.end_s:.0f} s{where}"
@@ -125,7 +126,7 @@ def _print(found: Findings, drawn: Path) -> None:
         _say(console, "none: the error is spread evenly")
 
     _print_signatures(console, found.signatures, compared)
-    console.print(f"\npicture: {drawn}", markup=False)
+    console.print(f"\npicture: {drawn}")
 
 
 def _accuracy_table(found: Findings) -> Table:
@@ -174,11 +175,11 @@ def _side(mean_error_mps: float, rmse_mps: float) -> str:
 def _print_signatures(console: Console, found: Signatures, compared: Comparison) -> None:
     telling = [one for one in found.tests if one.found]
     if not telling:
-        console.print(f"\n[bold]signatures[/bold]\n  the residual depends on none of {len(found.tests)} regressors")
+        console.print(bold("\nsignatures", f"\n  the residual depends on none of {len(found.tests)} regressors"))
         return
     table = Table(
         box=box.SIMPLE_HEAD,
-        title=f"[bold]signatures[/bold] of what the model lacks, {compared.horizon_s:g} s ahead",
+        title=bold("signatures", f" of what the model lacks, {compared.horizon_s:g} s ahead"),
         title_justify="left",
         title_style="",
     )
@@ -213,4 +214,4 @@ def _say(console: Console, sentence: str, indent: int = 2) -> None:
     text = textwrap.fill(
         sentence, WIDTH, initial_indent=" " * indent, subsequent_indent=" " * (indent + 2), break_on_hyphens=False
     )
-    console.print(text, markup=False, soft_wrap=True)
+    console.print(text, soft_wrap=True)

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Annotated, Final
 
 import typer
-from rich.console import Console
 
 from cruise.cli import diagnose_words
+from cruise.cli.console import working
 from cruise.cli.places import OUT
 from cruise.cli.reading import (
     PICTURES,
@@ -69,21 +69,21 @@ def diagnose(
     wanted = picture if picture is not None or as_json else OUT / "diagnose.png"
     if wanted is not None:
         destination("--picture", wanted, PICTURES)
-    with Console(highlight=False, stderr=True).status("reading") as status:
+    with working("reading") as show:
         native = tables(recordings, columns_of(columns, input_name, output_name, database))
-        begun = ladder.begin(native, structure, start, core, period_s, horizon, status.update, at_their_rate=True)
-        found = search(begun, status.update)
-        status.update("weighing the evidence")
+        begun = ladder.begin(native, structure, start, core, period_s, horizon, show, at_their_rate=True)
+        found = search(begun, show)
+        show("weighing the evidence")
         said, floor, own = report(found, model, str(structure)), None, None
         if start is not None and file is not None and found.verdict is Verdict.NOTHING:
-            status.update("comparing with its own parameters")
+            show("comparing with its own parameters")
             given = comparison.of_parameters(structure.family, start, file.noise_parameters)
             own = _own(structure, given, native, prepared_by(period, PreparationSettings().cutoff_hz, start), horizon)
         said["own_parameters"] = own and own.figures
         if wanted is not None:
-            status.update("looking for the noise floor")
+            show("looking for the noise floor")
             floor = evidence.floor_of(found, native)
-            status.update("drawing")
+            show("drawing")
             said["picture"] = str(diagnosis_picture.draw(found, floor, wanted))
     if as_json or floor is None:
         print(json.dumps(said, indent=2))

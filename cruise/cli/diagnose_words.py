@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from cruise.cli.add import floor_in_words
+from cruise.cli.console import bold, printer
 from cruise.cli.reading import NOTES_SHOWN, count_of
 from cruise.effects import EFFECTS
 from cruise.recording import notes_of
@@ -80,7 +81,7 @@ def say(
 
     `own` says how well the parameters of a model file fit where nothing is missing.
     """
-    console, study = Console(highlight=False, width=WIDTH), found.study
+    console, study = printer(WIDTH), found.study
     _print(console, sentence(found), 0, bold=True)
     samples = sum(len(one) for one in study.recordings)
     _print(console, f"{model}, refitted; seed {SEED}", 0)
@@ -114,12 +115,12 @@ def say(
     _list(console, "next experiment", experiments(found))
     _list(console, "what these recordings can't speak of", [_refusal(one.effect, one.reason) for one in found.refused])
     _list(console, "to go on", _commands(found, model, recordings, options, own is not None and own.stale))
-    console.print(f"\npicture: {picture}", markup=False, soft_wrap=True)
+    console.print(f"\npicture: {picture}", soft_wrap=True)
 
 
 def _physics(console: Console, name: str) -> None:
     effect = EFFECTS[name]()
-    console.print(f"\n[bold]{name}[/bold]")
+    console.print(bold(f"\n{name}"))
     _print(console, f"{what(effect)} {physics(effect)}", flush=True)
     _print(console, effect.about.equation, 6)
 
@@ -271,7 +272,7 @@ def _plain(name: str) -> str:
 
 
 def _table(title: str, *headings: str) -> Table:
-    heading = f"[bold]{title}[/bold]" if title else None
+    heading = bold(title) if title else None
     table = Table(box=box.SIMPLE_HEAD, title=heading, title_justify="left", title_style="", pad_edge=False)
     left = {"effect", "parameter", "step", "unit", ""}
     for heading in headings:
@@ -284,7 +285,7 @@ def _table(title: str, *headings: str) -> Table:
 
 def _list(console: Console, title: str, entries: Sequence[str]) -> None:
     if entries:
-        console.print(f"\n[bold]{title}[/bold]")
+        console.print(bold(f"\n{title}"))
     for entry in entries:
         _print(console, entry)
 
@@ -301,4 +302,4 @@ def _print(console: Console, text: str, indent: int = 2, bold: bool = False, flu
         break_on_hyphens=False,
         break_long_words=False,
     )
-    console.print(wrapped, markup=False, soft_wrap=True, style="bold" if bold else None)
+    console.print(wrapped, soft_wrap=True, style="bold" if bold else None)

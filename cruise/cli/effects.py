@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 from cruise.cli import effects_picture
+from cruise.cli.console import bold, printer
 from cruise.cli.reading import PICTURES, AsJson, destination
 from cruise.effects import EFFECTS, Effect, Parameter, Stage
 from cruise.effects.custom import Custom
@@ -103,9 +104,9 @@ def bounds(one: Parameter) -> str:
 
 
 def _list() -> None:
-    console = Console(highlight=False)
+    console = printer()
     for stage, does in STAGES.items():
-        table = Table(box=box.SIMPLE_HEAD, title=f"[bold]{stage}[/bold] effects {does}", title_justify="left")
+        table = Table(box=box.SIMPLE_HEAD, title=bold(stage, f" effects {does}"), title_justify="left")
         table.add_column("effect and its parameters", no_wrap=True, width=NAMES_WIDTH)
         table.add_column("what it is", ratio=1)
         table.add_column("needs", no_wrap=True, width=NEEDS_WIDTH)
@@ -120,13 +121,13 @@ def _list() -> None:
 
 
 def _explain(effect: Effect, drawn: Path | None) -> None:
-    console, about = Console(highlight=False), effect.about
+    console, about = printer(), effect.about
     first, _, rest = headline(effect).partition(": ")
-    console.print(f"[bold]{first}[/bold] ({effect.name}, {effect.stage} effect)")
+    console.print(bold(first, f" ({effect.name}, {effect.stage} effect)"))
     _paragraph(console, f"{rest[:1].upper()}{rest[1:]} {about.physics}")
     console.print()
     for line in textwrap.wrap(about.equation, WIDTH - 4, break_on_hyphens=False):
-        console.print(f"    {line}", markup=False)
+        console.print(f"    {line}")
     _paragraph(console, symbols(effect))
     _part(console, "source", [about.source])
     needed = [f"{name}: {_meaning(name)}" for name in effect.needs]
@@ -139,7 +140,7 @@ def _explain(effect: Effect, drawn: Path | None) -> None:
     _part(console, "looks like", [headline(_named(name)) for name in about.look_alikes])
     _part(console, "told apart", [about.experiment])
     if drawn is not None:
-        console.print(f"\npicture: {drawn}", markup=False, soft_wrap=True)
+        console.print(f"\npicture: {drawn}", soft_wrap=True)
 
 
 def _meaning(signal: str) -> str:
@@ -149,7 +150,7 @@ def _meaning(signal: str) -> str:
 
 def _paragraph(console: Console, text: str) -> None:
     console.print()
-    console.print(textwrap.fill(text, min(WIDTH, console.width)), markup=False)
+    console.print(textwrap.fill(text, min(WIDTH, console.width)))
 
 
 def _part(console: Console, title: str, entries: list[str]) -> None:
@@ -158,4 +159,4 @@ def _part(console: Console, title: str, entries: list[str]) -> None:
         console.print()
     for entry, word in zip(entries, [title, *[""] * len(entries)], strict=False):
         text = textwrap.fill(entry, min(WIDTH, console.width), initial_indent=f"{word:12}", subsequent_indent=" " * 12)
-        console.print(text, markup=False)
+        console.print(text)

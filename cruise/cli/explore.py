@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from cruise.cli import explore_picture
+from cruise.cli.console import bold, printer
 from cruise.cli.places import OUT
 from cruise.cli.reading import (
     PICTURES,
@@ -55,16 +55,16 @@ def explore(
 
 
 def _print(found: analyses.Exploration, drawn: Path) -> None:
-    console = Console(highlight=False)
+    console = printer()
     console.print(
         f"{count_of(len(found.recordings), 'recording')}, {found.samples} samples of {found.period_s:g} s, "
         f"{found.duration_s:.4g} s"
     )
     notes = found.quality.notes if isinstance(found.quality, analyses.Quality) else ()
     for note in notes:
-        console.print(f"note: {note}", markup=False)
+        console.print(f"note: {note}")
     for name, sentences in found.words().items():
-        console.print(f"\n[bold]{HEADINGS[name]}[/bold]")
+        console.print(bold(f"\n{HEADINGS[name]}"))
         for sentence in sentences:
-            console.print(f"  {sentence}", markup=False)
-    console.print(f"\npicture: {drawn}", markup=False)
+            console.print(f"  {sentence}")
+    console.print(f"\npicture: {drawn}")

@@ -9,10 +9,10 @@ from typing import Annotated, Any
 
 import typer
 from rich import box
-from rich.console import Console
 from rich.table import Table
 
 from cruise.cli import identify_picture
+from cruise.cli.console import bold, printer, working
 from cruise.cli.places import OUT
 from cruise.cli.reading import (
     NOTES_SHOWN,
@@ -64,7 +64,6 @@ def identify(
     as_json: AsJson = False,
 ) -> None:
     """Fit a model to recordings and judge it 3 s ahead on parts of them that the fit had not seen."""
-    console = Console(highlight=False, stderr=True)
     structure, start = model_named(model)
     if out is not None and structure.family == "narx":
         raise FitError(f"{model}: polynomials can't drive, so that there is no model file for them; leave out -o")
@@ -76,8 +75,8 @@ def identify(
     if out is not None:
         writable("--out", out)
     read = tables(recordings, columns_of(columns, input_name, output_name, database))
-    with console.status("reading") as status:
-        found = fit(structure, read, preparation, start, horizon, status.update)
+    with working("reading") as show:
+        found = fit(structure, read, preparation, start, horizon, show)
     drawn = identify_picture.draw(found, picture)
     if out is not None:
         _save(out, found, preparation)
@@ -161,18 +160,18 @@ def _save(path: Path, found: Identification, preparation: PreparationSettings) -
 
 
 def _print(found: Identification, preparation: PreparationSettings, drawn: Path, out: Path | None) -> None:
-    console, fitted = Console(highlight=False), found.fitted
+    console, fitted = printer(), found.fitted
     samples = sum(len(one) for one in found.recordings)
     delay = found.structure.delay(fitted.period_s)
-    name = f"[bold]{found.structure.name}[/bold] " if found.structure.name else ""
-    console.print(f"{name}{found.structure}")
+    name = f"{found.structure.name} " if found.structure.name else ""
+    console.print(bold(name, str(found.structure)))
     console.print(
         f"{count_of(len(found.recordings), 'recording')}, {samples} samples of {fitted.period_s:g} s, "
         f"{filter_in_words(preparation)}; delay {delay * fitted.period_s:g} s"
     )
     notes = notes_of(found.recordings)
     for note in notes[:NOTES_SHOWN]:
-        console.print(f"note: {note}", markup=False)
+        console.print(f"note: {note}")
     if len(notes) > NOTES_SHOWN:
         console.print(f"and {count_of(len(notes) - NOTES_SHOWN, 'note')} more (--json has them all)")
     table = Table(box=box.SIMPLE_HEAD)
@@ -188,16 +187,16 @@ def _print(found: Identification, preparation: PreparationSettings, drawn: Path,
     console.print(table)
     slow = ", ".join(f"{value:.2f} s" for value in time_constants_s(found))
     console.print(f"time constants: {slow}" if slow else "no pole: what happened longer ago than the taps is forgotten")
-    console.print(fitted.message if fitted.converged else f"[bold]did not converge:[/bold] {fitted.message}")
+    console.print(fitted.message if fitted.converged else bold("did not converge:", f" {fitted.message}"))
     if fitted.unstable:
-        console.print(f"[bold]unstable predictor[/bold]: {fitted.unstable}; no figure of it means anything")
+        console.print(bold("unstable predictor", f": {fitted.unstable}; no figure of it means anything"))
     console.print(_accuracy_table(found))
     if found.refused:
-        console.print(f"nothing held out: {found.refused}", markup=False)
+        console.print(f"nothing held out: {found.refused}")
     console.print(_residuals(found))
-    console.print(f"picture: {drawn}", markup=False)
+    console.print(f"picture: {drawn}")
     if out is not None:
-        console.print(f"model: {out}; next: cruise run with it, or cruise compare", markup=False)
+        console.print(f"model: {out}; next: cruise run with it, or cruise compare")
 
 
 def _remark(value: float, bound: Parameter) -> str:

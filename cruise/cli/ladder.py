@@ -7,11 +7,11 @@ from typing import Annotated, Any
 
 import typer
 from rich import box
-from rich.console import Console
 from rich.table import Table
 
 from cruise import settings
 from cruise.cli import ladder_picture
+from cruise.cli.console import bold, printer
 from cruise.cli.reading import PICTURES, AsJson, destination, writable
 from cruise.model import files
 from cruise.model.files import Step
@@ -111,9 +111,9 @@ def report(model: Path, rungs: list[Rung]) -> dict[str, Any]:
 
 
 def _print(model: Path, rungs: list[Rung], drawn: Path | None) -> None:
-    console, last = Console(highlight=False), rungs[-1].step
+    console, last = printer(), rungs[-1].step
     horizons = {one.step.horizon_s for one in rungs}
-    console.print(f"[bold]{model}[/bold]", soft_wrap=True)
+    console.print(bold(str(model)), soft_wrap=True)
     ahead = f"{last.horizon_s:g} s ahead" if len(horizons) == 1 else "at the horizon of each step"
     table = Table(box=box.SIMPLE_HEAD, title=f"held-out error {ahead}, m/s", title_justify="left", title_style="")
     for heading in ("step", "before", "after", "way down", "recordings", "date"):
@@ -133,7 +133,7 @@ def _print(model: Path, rungs: list[Rung], drawn: Path | None) -> None:
     if len({(one.step.recordings, one.step.horizon_s) for one in rungs}) > 1:
         console.print("Not all steps were judged on the same recordings and horizon: compare before and after only.")
     if drawn is not None:
-        console.print(f"picture: {drawn}", markup=False, soft_wrap=True)
+        console.print(f"picture: {drawn}", soft_wrap=True)
 
 
 def floor_in_words(step: Step) -> str:

@@ -13,6 +13,7 @@ from rich.progress import Progress
 from rich.table import Table
 
 from cruise.cli import orders_picture
+from cruise.cli.console import printer
 from cruise.cli.places import OUT
 from cruise.cli.reading import (
     PICTURES,
@@ -123,7 +124,7 @@ def written(found: Search, one: Candidate) -> str:
 
 
 def _print(found: Search, drawn: Path) -> None:
-    console = Console(highlight=False)
+    console = printer()
     table = Table(
         box=box.SIMPLE_HEAD,
         title=f"{len(found.candidates)} structures, {found.horizon_s:g} s ahead, held out; * none simpler is better",
@@ -150,5 +151,5 @@ def _print(found: Search, drawn: Path) -> None:
     if refused:
         console.print(f"left out: {count_of(refused, 'structure')}, unstable or not to be fitted (--json says why)")
     console.print("recommended, the fewest parameters within one standard error of the best:")
-    console.print(f"  {written(found, found.recommended)}", markup=False, soft_wrap=True)
-    console.print(f"picture: {drawn}", markup=False)
+    console.print(f"  {written(found, found.recommended)}", soft_wrap=True)
+    console.print(f"picture: {drawn}")

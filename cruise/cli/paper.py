@@ -14,6 +14,7 @@ from rich.progress import Progress
 from rich.table import Table
 
 from cruise.cli import paper_picture
+from cruise.cli.console import printer
 from cruise.cli.places import CONFIG, OUT
 from cruise.cli.reading import PICTURES, AsJson, destination
 from cruise.paper import published as printed
@@ -91,7 +92,7 @@ def report(found: Reproduction) -> dict[str, Any]:
 
 
 def _print(found: Reproduction, drawn: Path) -> None:
-    console = Console(highlight=False)
+    console = printer()
     count = len(found.seeds)
     console.print(f"{count} seeds, {found.seeds[0]} to {found.seeds[-1]}; explained 3 s ahead in %, mean +- spread")
     for name, title in TITLES.items():
@@ -113,7 +114,7 @@ def _print(found: Reproduction, drawn: Path) -> None:
         mine, theirs = ("unstable", "stable") if row.ours is None else ("stable", "unstable")
         console.print(f"{row.model} at {row.rate_hz:g} Hz (Table {row.table}): ours {mine}, published {theirs}")
     console.print(f"arx10B on steps: {found.steps_margin:+.1f} points on the next best")
-    console.print(f"picture: {drawn}", markup=False)
+    console.print(f"picture: {drawn}")
 
 
 def _table(title: str, rows: list[Row]) -> Table:

@@ -9,9 +9,9 @@ from typing import Annotated
 import msgspec
 import typer
 from rich import box
-from rich.console import Console
 from rich.table import Table
 
+from cruise.cli.console import printer
 from cruise.cli.places import CONFIG
 from cruise.cli.reading import AsJson, Columns, InputName, OutputName, Recordings, columns_of, count_of
 from cruise.model import files
@@ -65,7 +65,7 @@ def replay(
 
 
 def _print(report: dict) -> None:
-    console = Console(highlight=False)
+    console = printer()
     console.print(f"{count_of(len(report['recordings']), 'recording')}, {report['samples']} samples")
     for note in report["notes"]:
         console.print(f"note: {note}")

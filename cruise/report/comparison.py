@@ -1,14 +1,16 @@
 """A comparison of a model with measurements: everything that is asked of its errors, in figures and in words."""
 
 import math
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
-from cruise.recording import Recording, notes_of
+from cruise.recording import Recording, listed, notes_of
+from cruise.signals import SIGNALS
 from cruise.validation.comparison import Comparison
 from cruise.validation.failure_tree import FailureTree, failure_tree
 from cruise.validation.noise_floor import Bound, NoiseFloor, causes_in, noise_floor
@@ -16,6 +18,9 @@ from cruise.validation.quantities import spoken
 from cruise.validation.regimes import Regimes, Table, regimes
 from cruise.validation.signatures import Signatures, signatures
 from cruise.validation.worst_stretches import Stretch, worst_stretches
+
+PROVENANCE: Final = re.compile(r"(?P<source>.+), (?P<start>\S+) to (?P<stop>\S+) s")
+SAME_S: Final = 1.0  # s, by which the ends of one recording may differ at another period
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,9 +43,15 @@ class Findings:
 
 
 def seen(fitted_to: Sequence[str], recordings: Sequence[Recording]) -> tuple[str, ...]:
-    """The recordings whose file names stand in a model's provenance ("one.csv, 0 to 119.8 s")."""
-    known = {Path(text.rpartition(", ")[0] or text).name for text in fitted_to}
-    return tuple(one.source for one in recordings if Path(one.source).name in known)
+    """The recordings whose file name and time stand in a model's provenance ("monday/one.csv, 0 to 119.8 s")."""
+    found = []
+    for one in recordings:
+        for told in filter(None, map(PROVENANCE.fullmatch, fitted_to)):
+            apart_s = max(abs(float(told["start"]) - one.time_s[0]), abs(float(told["stop"]) - one.time_s[-1]))
+            if Path(told["source"]).name == Path(one.source).name and apart_s < SAME_S:
+                found.append(one.source)
+                break
+    return tuple(found)
 
 
 def examined(name: str, fitted_to: Sequence[str], found: Comparison, show: Callable[[str], None]) -> Findings:
@@ -162,6 +173,7 @@ def floor_in_words(floor: NoiseFloor, compared: Comparison) -> list[str]:
         )
     if floor.reached is None:
         return [*said, "The recordings are too short for a floor from above."]
+    aside = [name for name in compared.recordings[0].columns if name not in SIGNALS]
     names = ", ".join(("current", "speed", *(spoken(name)[0] for name in causes_in(compared.recordings))))
     said.append(
         f"{_interval(floor.reached)} m/s are reached {compared.horizon_s:g} s ahead by ridge regression and "
@@ -172,12 +184,14 @@ def floor_in_words(floor: NoiseFloor, compared: Comparison) -> list[str]:
             f"Between the two lie {floor.between_mps:.4f} m/s of slow disturbance that nothing recorded announces, or "
             "of a dependence that boosting did not find."
         )
+    if aside:
+        said.append(f"{listed(aside)}: left out, as nobody has said whether the drive moves it; diagnose looks at it.")
     gain = 1.0 - (floor.reached.value_mps / compared.ahead.rmse_mps) ** 2
     enough = floor.reached.high_mps < compared.ahead.rmse_mps
     said.append(
         f"So {100 * gain:.0f} % of the squared error of this model, at least, is not noise."
         if enough
-        else "So there is no sign that another model of these signals would be better."
+        else f"So there is no sign that another model of {'those' if aside else 'these'} signals would be better."
     )
     return said
 

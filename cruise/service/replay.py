@@ -6,7 +6,7 @@ Nothing here learns or predicts by itself: the node does.
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -23,9 +23,10 @@ from cruise.service.combine_node import MESSAGES
 from cruise.service.cruise_node import CruiseNode
 from cruise.service.recordings import frames_of_log, is_log, read_table
 from cruise.service.settings import CruiseSettings
-from cruise.signals import CONTEXT, INPUT, OUTPUT, Sample
+from cruise.signals import CONTEXT, INPUT, OUTPUT, SIGNALS, Sample
 
 PAUSE_S: Final = 5.0  # s of silence between two files: longer than any signal stays fresh, so that nothing is joined
+FAR: Final = 0.05  # of a signal's range: what is nearer to it is a sensor's noise or offset at its end
 LEAD_S: Final = 0.01  # s, first frame after the start of its file
 
 
@@ -91,7 +92,8 @@ def frames_of(path: str | Path, columns: RecordingSettings, sender: Codec) -> tu
         notes: list[str] = []
         return frames_of_log(path, notes), notes
     table = read_table(path, columns)
-    return _frames_of_table(table, sender), list(table.notes)
+    notes = list(table.notes)
+    return _frames_of_table(_sendable(table, notes), sender), notes
 
 
 def judge(taught: Replayed, unseen: Sequence[Recording], horizon_s: float = 3.0) -> Judged:
@@ -125,6 +127,23 @@ def _play(frames: Iterable[Frame], node: CruiseNode, start_s: float) -> Iterator
             if node.sample is not None and node.sample is not before:
                 yield node.sample
         node.receive(frame)
+
+
+def _sendable(recording: Recording, notes: list[str]) -> Recording:
+    """The recording with what a controller would send: the nearest value there is, or none where that is far away."""
+    columns = dict(recording.columns)
+    for name in columns.keys() & SIGNALS.keys():
+        low, high = SIGNALS[name].low, SIGNALS[name].high
+        nearest = np.clip(columns[name], low, high)
+        away = np.abs(columns[name] - nearest)
+        if not (away > 0.0).any():
+            continue
+        columns[name] = np.where(away > FAR * (high - low), np.nan, nearest)
+        notes.append(
+            f"{name}: {int((away > 0.0).sum())} values are not within {low:g} to {high:g}; sent as the nearest that "
+            f"is, those far away (more than {100 * FAR:g} % of it) as not available"
+        )
+    return replace(recording, columns=columns)
 
 
 def _frames_of_table(recording: Recording, sender: Codec) -> Iterator[Frame]:

@@ -1,12 +1,14 @@
 """`cruise compare` as a user meets it."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from cruise.cli.places import CONFIG
-from cruise.csv_file import write_csv
+from cruise.columns import RecordingSettings
+from cruise.csv_file import read_csv, write_csv
 from cruise.recording import Recording
 from cruise.report import comparison_picture
 from cruise.signals import INPUT, OUTPUT
@@ -89,6 +91,32 @@ def test_a_model_file_is_taken_as_it_is_and_told_when_it_knew_the_recording(verb
     fitted = judged(verb("identify", "again.csv", "--model", MODEL, "--json")[1])
     assert found["ahead"]["rmse_mps"] == pytest.approx(fitted["training"]["rmse_mps"])
     assert found["fitted_to_some_of_these"] == ["again.csv"]
+
+
+def test_a_file_of_the_same_name_is_not_the_same_recording(verb, tables):
+    (tables / "monday").mkdir()
+    (tables / "tuesday").mkdir()
+    write_csv(record(seed=3, seconds=60.0), tables / "monday" / "drive.csv")
+    write_csv(record(seed=4, seconds=90.0), tables / "tuesday" / "drive.csv")
+    assert verb("identify", "monday/drive.csv", "--model", MODEL, "-o", "m.yaml")[0] == 0
+    assert "it had been fitted to" not in verb("compare", "tuesday/drive.csv", "--model", "m.yaml")[1]
+    assert "fitted to monday/drive.csv" in verb("compare", "monday/drive.csv", "--model", "m.yaml")[1]
+
+
+def test_names_in_brackets_are_names(verb, tables):
+    one = read_csv("hills.csv", RecordingSettings())[:3000]
+    columns = {"slope [deg]" if name == "pitch_deg" else name: values for name, values in one.columns.items()}
+    columns["n [/min]"] = columns.pop("engine_speed_rpm", 2100.0 + 50.0 * np.sin(one.time_s))
+    (tables / "d[").mkdir()
+    write_csv(replace(one, columns=columns), tables / "d[" / "x].csv")
+    code, out, _ = verb("compare", "d[/x].csv", "--model", MODEL)
+    assert code == 0
+    flat = " ".join(out.split())
+    assert "n [/min]" in flat or "slope [deg] -" in flat
+    assert "slope [deg], header_height, n [/min]: left out, as nobody has said whether the drive moves it" in flat
+    assert "those signals" in flat or "is not noise" in flat
+    assert verb("identify", "d[/x].csv", "--model", MODEL, "-o", "d[/m].yaml")[0] == 0
+    assert verb("compare", "hills.csv", "--model", "d[/m].yaml")[0] == 0
 
 
 def test_a_short_recording_is_compared_and_says_what_it_can_not_tell(verb, tables):

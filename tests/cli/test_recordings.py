@@ -1,6 +1,7 @@
 """The verbs on recordings of every kind: a log of the bus says the same as the table of it."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import can
@@ -11,7 +12,8 @@ from cruise.can.codec import Codec
 from cruise.can.settings import CanSettings
 from cruise.cli import reading
 from cruise.cli.places import CONFIG
-from cruise.csv_file import write_csv
+from cruise.columns import RecordingSettings
+from cruise.csv_file import read_csv, write_csv
 from cruise.recording import Recording
 from cruise.signals import INPUT, OUTPUT
 
@@ -58,6 +60,18 @@ def test_identify_finds_the_same_model_in_both(verb, files):
         assert code == 0, err
         found.append({key: one["value"] for key, one in json.loads(out)["parameters"].items()})
     assert found[1] == pytest.approx(found[0], rel=0.02, abs=0.01)
+
+
+def test_replay_sends_what_a_controller_would_of_a_sensor_that_is_a_little_off(verb, files, tmp_path):
+    one = read_csv(files / "drive.csv", RecordingSettings())
+    further = {"engine_load_pct": np.linspace(-3.0, 90.0, len(one)), "engine_speed_rpm": np.full(len(one), 2000.0)}
+    further |= {"gear": np.full(len(one), 2.0), "pitch_deg": np.zeros(len(one))}
+    further["engine_load_pct"][100:110] = 900.0
+    write_csv(replace(one, columns={**one.columns, **further}), tmp_path / "off.csv")
+    code, out, _ = verb("replay", tmp_path / "off.csv")
+    assert code == 0
+    assert "engine_load_pct: " in out
+    assert "values are not within 0 to 125; sent as the nearest" in " ".join(out.split())
 
 
 def test_replay_takes_a_measurement_without_frames_for_a_table(verb, tmp_path):

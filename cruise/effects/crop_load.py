@@ -24,7 +24,7 @@ from typing import ClassVar, Final
 import numpy as np
 
 from cruise.effects.effect import About, Effect, Parameter, Stage, State, Value, dry, dry_over, where
-from cruise.effects.low_pass import followed, followed_over, share
+from cruise.effects.low_pass import followed, followed_across, held_over, share
 from cruise.signals import Signals
 
 USUAL: Final = 0.3  # of the torque, c_0
@@ -100,14 +100,12 @@ class CropLoad(Effect):
     def over(
         self, values: Value, past_speeds: np.ndarray, signals: Mapping[str, np.ndarray], dt_s: float
     ) -> tuple[Value, State]:
-        """The whole recording at once, but for the share that acts, where it has no hole."""
+        """The whole recording at once, but for the share that acts."""
         before_mps = np.concatenate([past_speeds[:1], past_speeds[:-1]])
         now = self._taken(past_speeds, before_mps, signals, dt_s)
-        if not np.isfinite(now).all():
-            return Effect.over(self, values, past_speeds, signals, dt_s)
         shares, held = dry_over(past_speeds, self.crossover_mps, dt_s)
-        taken = followed_over(now, self.filter_s, dt_s)
-        return -taken * shares, (past_speeds, taken, held)
+        taken = followed_across(now, self.filter_s, dt_s)
+        return -taken * shares, (past_speeds, held_over(taken), held)
 
     def _taken(self, past_speed: Value, before_mps: Value, signals: Signals, dt_s: float) -> Value:
         """What is felt of the load less what runs empty, rolls and accelerates."""

@@ -18,7 +18,7 @@ from typing import ClassVar, Final
 import numpy as np
 
 from cruise.effects.effect import About, Effect, Parameter, Stage, State, Value, clip, where
-from cruise.effects.low_pass import followed, followed_over, share
+from cruise.effects.low_pass import followed, followed_across, held_over, share
 from cruise.signals import Signals
 
 STALLED: Final = 0.2  # share of the speed below which no diesel turns
@@ -77,14 +77,12 @@ class EngineDroop(Effect):
     def over(
         self, values: Value, past_speeds: np.ndarray, signals: Mapping[str, np.ndarray], dt_s: float
     ) -> tuple[Value, State]:
-        """The whole recording by a filter, where it has no hole."""
-        now_pct = signals["engine_load_pct"]
-        if not np.isfinite(now_pct).all():
-            return Effect.over(self, values, past_speeds, signals, dt_s)
-        felt_pct = followed_over(now_pct, self.filter_s, dt_s)
+        """The whole recording by a filter."""
+        felt_pct = followed_across(signals["engine_load_pct"], self.filter_s, dt_s)
         over_pct = self._over(felt_pct)
-        made_up_pct = followed_over(over_pct, 1.0 / self.recovery_per_s if self.recovery_per_s else math.inf, dt_s)
-        return values * self._gain(over_pct, made_up_pct), (felt_pct, made_up_pct)
+        recovery_s = 1.0 / self.recovery_per_s if self.recovery_per_s else math.inf
+        made_up_pct = held_over(followed_across(over_pct, recovery_s, dt_s))
+        return values * self._gain(over_pct, made_up_pct), (held_over(felt_pct), made_up_pct)
 
     def _over(self, felt_pct: Value) -> Value:
         """Load in % that the governor does not hold."""

@@ -20,7 +20,7 @@ from typing import ClassVar
 import numpy as np
 
 from cruise.effects.effect import About, Effect, Parameter, Stage, State, Value, where
-from cruise.effects.low_pass import followed, share
+from cruise.effects.low_pass import followed, held_over, share
 from cruise.signals import Signals
 
 _TOP = Parameter("m/s", 0.3, 15.0, 2.5, "top speed in this gear at rated engine speed")
@@ -97,9 +97,9 @@ class GearRatio(Effect):
     ) -> tuple[Value, State]:
         """The whole recording at once, where no shift takes time."""
         now = self.ratio(signals["gear"])
-        if self.shift_s > 0.0 or not np.isfinite(now).all():
+        if self.shift_s > 0.0:
             return Effect.over(self, values, past_speeds, signals, dt_s)
-        return values * now, (now, now)
+        return values * now, (held_over(now), held_over(now))
 
     def yielding(self, signals: Signals) -> Value:
         """g^e, 1 where nothing is driven."""

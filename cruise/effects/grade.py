@@ -15,7 +15,7 @@ from typing import ClassVar
 import numpy as np
 
 from cruise.effects.effect import EMPTY_KG, GRAVITY_MPS2, About, Effect, Parameter, Stage, State, Value, where
-from cruise.effects.low_pass import followed_over
+from cruise.effects.low_pass import followed_across, followed_over, held_over
 from cruise.effects.pull import pull, unknown
 from cruise.effects.stroke import STROKE_SHARE, factor
 from cruise.signals import OUTPUT, Signals
@@ -86,14 +86,12 @@ class Grade(Effect):
     def over(
         self, values: Value, past_speeds: np.ndarray, signals: Mapping[str, np.ndarray], dt_s: float
     ) -> tuple[Value, State]:
-        """The whole recording by two filters, where it has no hole: the shape is looked for in long recordings."""
-        measured_mps = signals.get(OUTPUT)
+        """The whole recording by two filters: the shape is looked for in long recordings."""
         pitch_deg = signals["pitch_deg"]
-        if measured_mps is None or not (np.isfinite(measured_mps).all() and np.isfinite(pitch_deg).all()):
-            return Effect.over(self, values, past_speeds, signals, dt_s)
+        measured_mps = np.asarray(signals.get(OUTPUT, np.full(len(pitch_deg), np.nan)), float)
         slope_mps2 = followed_over(GRAVITY_MPS2 * np.sin(np.radians(pitch_deg)), self.filter_s, dt_s)
-        followed_mps = followed_over(measured_mps, self.filter_s, dt_s)
-        accel_mps2 = np.diff(followed_mps, prepend=measured_mps[0]) / dt_s
+        followed_mps = held_over(followed_across(measured_mps, self.filter_s, dt_s))
+        accel_mps2 = np.nan_to_num(np.diff(followed_mps, prepend=np.nan) / dt_s)
         mass_kg = np.asarray(signals.get("machine_mass_kg", EMPTY_KG), float)
         mass_kg = np.where(np.isfinite(mass_kg), mass_kg, EMPTY_KG)
         before_mps2 = np.concatenate([[0.0], accel_mps2[:-1]])

@@ -20,6 +20,7 @@ import numpy as np
 
 from cruise.effects.effect import About, Effect, Parameter, Stage, State, Value, clip, sign, where
 from cruise.effects.fluidity import REFERENCE_C, fluidity
+from cruise.effects.low_pass import held_over
 from cruise.effects.stroke import STROKE_SHARE, factor
 from cruise.signals import OUTPUT, Signals
 
@@ -81,10 +82,8 @@ class Leakage(Effect):
     def over(
         self, values: Value, past_speeds: np.ndarray, signals: Mapping[str, np.ndarray], dt_s: float
     ) -> tuple[Value, State]:
-        """The whole recording at once, where the speed has no hole."""
-        measured_mps = signals.get(OUTPUT)
-        if measured_mps is None or not np.isfinite(measured_mps).all():
-            return Effect.over(self, values, past_speeds, signals, dt_s)
+        """The whole recording at once."""
+        measured_mps = held_over(np.asarray(signals.get(OUTPUT, np.full(len(past_speeds), np.nan)), float))
         before_mps = np.concatenate([[np.nan], measured_mps[:-1]])
         return self._leaked(signals) * factor(self.stroke_share, before_mps), measured_mps
 

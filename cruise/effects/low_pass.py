@@ -26,6 +26,20 @@ def followed(before: Value, now: Value, moved: Value) -> Value:
     return where(before == before, before + moved * (now - before), now)
 
 
+def held_over(values: np.ndarray) -> np.ndarray:
+    """The value (N,) that was known last; NaN before the first one."""
+    last = np.maximum.accumulate(np.where(np.isfinite(values), np.arange(len(values)), -1))
+    return np.where(last >= 0, values[last], np.nan)
+
+
+def followed_across(values: np.ndarray, time_constant_s: float, dt_s: float) -> np.ndarray:
+    """z (N,) of values (N,); in a hole NaN, after it on from where it was."""
+    known = np.isfinite(values)
+    result = np.full(len(values), np.nan)
+    result[known] = followed_over(values[known], time_constant_s, dt_s)
+    return result
+
+
 def followed_over(values: np.ndarray, time_constant_s: float, dt_s: float) -> np.ndarray:
     """z (N,) of values (N,); NaN in a hole, and begun anew after it."""
     rest = math.exp(-dt_s / max(time_constant_s, AT_ONCE_S))

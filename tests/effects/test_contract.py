@@ -110,13 +110,16 @@ def test_bounds_hold_the_neutral_value(effect):
         assert parameter.meaning
 
 
-@pytest.mark.parametrize("holes", [False, True, "nothing known"])
+@pytest.mark.parametrize("holes", [False, True, "at first", "nothing known"])
 @pytest.mark.parametrize("count", [60, 300])
 def test_stepping_equals_the_whole_recording(effect, holes, count):
     values, speeds, signals = recording(1, count)
     if holes == "nothing known":
         for column in (values, *(signals[name] for name in effect.uses)):
             column[:] = math.nan
+    elif holes == "at first":
+        for k, column in enumerate((speeds, *(signals[name] for name in effect.uses))):
+            column[: 3 + 2 * k] = math.nan
     elif holes:
         values[10], speeds[20] = math.nan, math.nan
         for k, name in enumerate(effect.uses):

@@ -1,15 +1,17 @@
 """Engine and drive at their limits: rather slower than stalled.
 
     c_(k+1) = c_k - a T   while load > HIGH and n < s n_0, from the present speed on;   + b T   while load < LOW
+    r' = min(r n / (s' n_0), c)   while load > HIGH
 
-c highest setpoint in m/s, a and b rates in m/s2, T frame in s, load the engine's own figure in percent of the torque
-available at its speed, through a lag that begins near LOW (one that begins at idle needs seconds to come near HIGH), n
-engine speed, n_0 the one that it had before it was loaded, which follows n downwards no faster than an operator
-throttles back, s share. An engine that lugs a little gains torque and carries on; one that keeps losing speed stalls,
-and the feed-forward of the engine speed would answer with more stroke, which takes more torque still: the setpoint
-gives way before that. A line whose relief valve opens gives no more force whatever the stroke: the setpoint is then the
-present speed. Where neither load nor pressure is measured nothing is done here. Source: the anti-stall (load limiting)
-control of hydrostatic drives.
+r setpoint, r' the one that is driven, c highest setpoint in m/s, a and b rates in m/s2, T frame in s, load the engine's
+own figure in percent of the torque available at its speed, through a lag that begins near LOW (one that begins at idle
+needs seconds to come near HIGH), n engine speed, n_0 the one that it had before it was loaded, which follows n
+downwards no faster than an operator throttles back, s and s' shares. An engine that lugs a little gains torque and
+carries on, and its drive slows down with it: one that made up for it would be too fast as soon as the load goes. One
+that keeps losing speed stalls, and the feed-forward of the engine speed would answer with more stroke, which takes more
+torque still: the setpoint gives way before that. A line whose relief valve opens gives no more force whatever the
+stroke: the setpoint is then the present speed. Where neither load nor pressure is measured nothing is done here.
+Source: the anti-stall (load limiting) control of hydrostatic drives.
 """
 
 import math
@@ -31,7 +33,10 @@ class PowerSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
     down_mps2: Positive = 0.4  # m/s2, below what the reference may do
     up_mps2: Positive = 0.05  # m/s2, slowly back: the load rises with the speed
     lag_s: Positive = 0.3  # s, a gust of crop is no overload
-    throttled_rpmps: Positive = 200.0  # rpm/s: an engine that slows down faster was not throttled back
+    carried_share: Positive = 0.97  # of that engine speed: below, the drive slows down in proportion
+    light_pct: Positive = 60.0  # %, an engine that has less to do and slows down was throttled back,
+    throttled_rpmps: Positive = 200.0  # rpm/s, no faster than this;
+    loaded_rpmps: Positive = 20.0  # and with more to do no faster than this
     pressure_max_bar: Positive = 380.0  # bar, from which the relief valve opens; closed circuits are set to 350..450
     pressure_back: Positive = 0.9  # of it, below which there is force left again
 
@@ -48,7 +53,8 @@ class PowerGuard:
         self.share = 1.0 - math.exp(-frame_s / settings.lag_s)
         self.load_pct = math.nan
         self.unloaded_rpm = math.nan
-        self.spent = False
+        self.spent = self.lugging = False
+        self.carried = 1.0  # of the setpoint
         self.restart()
 
     def restart(self) -> None:
@@ -58,7 +64,7 @@ class PowerGuard:
     @property
     def limiting(self) -> bool:
         """Whether the setpoint gives way."""
-        return self.spent or math.isfinite(self.cap_mps)
+        return self.spent or self.carried < 1.0 or math.isfinite(self.cap_mps)
 
     def regains(self, engine_rpm: float) -> float:
         """ln(n_0 / n), by which an engine that is loaded may become faster once the load goes; else infinite."""
@@ -79,7 +85,8 @@ class PowerGuard:
         else:
             self.load_pct = math.nan
         if load_pct < settings.low_pct:
-            least_rpm = self.unloaded_rpm - settings.throttled_rpmps * self.frame_s
+            rate_rpmps = settings.throttled_rpmps if load_pct < settings.light_pct else settings.loaded_rpmps
+            least_rpm = self.unloaded_rpm - rate_rpmps * self.frame_s
             self.unloaded_rpm = max(engine_rpm, least_rpm) if math.isfinite(least_rpm) else engine_rpm
         if self.load_pct > settings.high_pct and engine_rpm < settings.sag_share * self.unloaded_rpm:
             self.cap_mps = max(min(self.cap_mps, speed_mps) - settings.down_mps2 * self.frame_s, 0.0)
@@ -87,4 +94,7 @@ class PowerGuard:
             self.cap_mps += settings.up_mps2 * self.frame_s
         if self.cap_mps >= setpoint_mps:
             self.cap_mps = math.inf
-        return min(setpoint_mps, self.cap_mps, max(speed_mps, 0.0) if self.spent else math.inf)
+        self.lugging = self.load_pct > (settings.low_pct if self.lugging else settings.high_pct)
+        left = engine_rpm / (settings.carried_share * self.unloaded_rpm) if self.lugging else 1.0
+        self.carried = left if left < 1.0 else 1.0
+        return min(setpoint_mps * self.carried, self.cap_mps, max(speed_mps, 0.0) if self.spent else math.inf)

@@ -52,10 +52,14 @@ def test_a_lost_load_does_not_hold_the_machine_back_forever():
     assert run(guard, math.nan, 60.0) == 1.6
 
 
-def test_an_engine_that_lugs_a_little_carries_on():
+def test_an_engine_that_lugs_a_little_carries_on_and_the_drive_slows_down_with_it():
     guard = PowerGuard(PowerSettings(), FRAME_S)
     run(guard, 80.0, 2.0)
-    assert run(guard, 105.0, 10.0, 2000.0) == 1.6
+    assert run(guard, 105.0, 10.0, 2060.0) == 1.6
+    assert not guard.limiting
+    assert run(guard, 105.0, 10.0, 2000.0) == pytest.approx(1.6 * 2000.0 / (0.97 * 2100.0))
+    assert guard.limiting
+    assert run(guard, 50.0, 1.0, 2000.0) == 1.6
     assert run(guard, 105.0, 3.0, 1800.0) < 1.5
 
 
@@ -86,7 +90,15 @@ def test_an_engine_that_is_throttled_back_is_not_lugged():
     run(guard, 40.0, 3.0, 2100.0)
     for k in range(80):
         run(guard, 40.0, FRAME_S, 2100.0 - 7.0 * k)  # 140 rpm/s
-    assert run(guard, 99.5, 3.0, 1500.0) == 1.6
+    assert run(guard, 99.5, 3.0, 1540.0) == 1.6
+
+
+def test_an_engine_that_sags_under_its_load_was_not_throttled_back():
+    guard = PowerGuard(PowerSettings(), FRAME_S)
+    run(guard, 40.0, 3.0, 2100.0)
+    for k in range(10):
+        run(guard, 85.0, FRAME_S, 2100.0 - 20.0 * k)  # 400 rpm/s
+    assert guard.unloaded_rpm == pytest.approx(2100.0 - 10 * FRAME_S * 20.0, abs=1.0)
 
 
 def test_an_open_relief_valve_holds_the_setpoint_at_the_speed_until_there_is_force_again():

@@ -131,11 +131,11 @@ def test_a_light_brake_that_is_let_go_after_seconds_is_noticed_or_leaves_the_mac
     assert trial.run(Plan.of(FAULTS["brake acts unseen"], seed)).verdict in ("detected", "harmless")
 
 
-@pytest.mark.parametrize("seed", [502, 410911])
+@pytest.mark.parametrize("seed", [502, 410911, 411010])
 def test_a_drum_that_plugs_and_is_free_again_leaves_the_machine_little_too_fast(seed):
     """While the setpoint falls; silent while the guard waited for the load and foresaw an engine without end.
 
-    The first braked with 1.5 m/s2, the second was 0.38 m/s too fast.
+    The first braked with 1.5 m/s2, the others made up for an engine that lugged and were 0.3 to 0.4 m/s too fast.
     """
     found = trial.run(Plan.of(FAULTS["drum plugged"], seed))
     assert found.verdict == "harmless"

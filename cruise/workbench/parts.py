@@ -64,9 +64,16 @@ def busy() -> None:
     ui.element("span").classes("busy").props("aria-hidden=true")
 
 
+def labelled(element: ui.element, words: str) -> None:
+    """Say what an element is; the words may come from a file, so that nothing in them is read as a property."""
+    element.props["aria-label"] = words
+
+
 def bars(share: float, color: str, words: str) -> None:
     """A share as a bar."""
-    with ui.element("div").classes("bar").props(f'role="img" aria-label="{words}"'):
+    bar = ui.element("div").classes("bar").props("role=img")
+    labelled(bar, words)
+    with bar:
         ui.element("div").style(f"width:{100 * min(max(share, 0.0), 1.0):.1f}%; background:{color}")
 
 

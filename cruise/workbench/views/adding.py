@@ -12,7 +12,7 @@ from cruise.workbench import plots
 from cruise.workbench.by_hand import Setting, judged, settings_of
 from cruise.workbench.found import Added
 from cruise.workbench.page import Page
-from cruise.workbench.parts import NO_FIGURE, card, figure, heading, nothing_open, row_button, speed
+from cruise.workbench.parts import NO_FIGURE, card, figure, heading, labelled, nothing_open, row_button, speed
 from cruise.workbench.session import Session
 from cruise.workbench.views.tracks import timeline
 
@@ -173,7 +173,8 @@ def _by_hand(page: Page, added: Added) -> None:
                         step=float(f"{(one.high - one.low) / STEPS_OF_SLIDER:.1g}"),
                         value=one.value,
                         on_change=lambda event, one=one: set_to(one, event.value),
-                    ).props(f'dense aria-label="{one.name}"')
+                    ).props("dense")
+                    labelled(slider, one.name)
                 with ui.element("td"):
                     ui.label().bind_text_from(slider, "value", lambda value: f"{value:.4g}")
                 with ui.element("td"):

@@ -246,7 +246,8 @@ def _card(page: Page, found: Diagnosed, one: Card, place: int) -> None:
                 page.go("/add")
 
             look = "unelevated no-caps" if one.worth_adding else "outline no-caps"
-            button = ui.button(f"Add {one.effect}", on_click=add).props(f'{look} data-add="{one.effect}"')
+            button = ui.button(f"Add {one.effect}", on_click=add).props(look)
+            button.props["data-add"] = one.effect
             button.set_enabled(not page.session.busy)
             if not one.chosen and found.verdict != "ambiguous":
                 ui.label("The evidence does not ask for it.").classes("quiet small")

@@ -16,6 +16,9 @@ from pyarrow import parquet
 
 pytest.importorskip("nicegui", reason="the extra workbench is not installed")
 
+from nicegui import Client
+from nicegui.page import page
+
 from cruise.can.codec import Codec
 from cruise.can.frame import Frame
 from cruise.can.log import LogWriter, read_log
@@ -24,7 +27,7 @@ from cruise.cli.places import CONFIG
 from cruise.columns import ColumnSettings
 from cruise.service.course import Drive, FieldRow, OperatorRow
 from cruise.service.cruise_node import CruiseNode
-from cruise.service.recordings import ReadingSettings
+from cruise.service.recordings import ReadingSettings, read_recording
 from cruise.service.recordings.names import names_in
 from cruise.service.settings import CruiseSettings
 from cruise.signals import INPUT, OUTPUT
@@ -34,7 +37,7 @@ from cruise.workbench.examples import EXAMPLES, drive, make
 from cruise.workbench.guard import COOKIE, Guard
 from cruise.workbench.live import KEPT_S, Live, Row, Twin, again_and_again, worse_since
 from cruise.workbench.uploads import apart, plain
-from cruise.workbench.views.mapping import AS_IT_IS, AS_SET, TIME, guessed, known, reading_of
+from cruise.workbench.views.mapping import AS_IT_IS, AS_SET, TIME, _choice, guessed, known, reading_of
 
 
 def test_downsampling_keeps_every_extreme():
@@ -276,6 +279,60 @@ def test_what_the_settings_say_holds_on_where_nothing_else_is_said():
     }
     assert "grade" not in again, "another column is the slope now"
     assert "slope" not in reading_of(usual, asked | {"slope": (AS_IT_IS, "-")}).columns, "it goes by its own name"
+
+
+@pytest.mark.parametrize(
+    ("name", "meaning", "unit"),
+    [
+        ("ground_speed_kmh", OUTPUT, "km/h"),
+        ("Radar [km/h]", OUTPUT, "km/h"),
+        ("wheel_speed_kmh", "wheel_speed_mps", "km/h"),
+        ("pitch_rad", "pitch_deg", "rad"),
+        ("oil_temperature_f", "oil_temperature_c", "degF"),
+        ("line_pressure_psi", "line_pressure_bar", "psi"),
+        ("machine_mass_t", "machine_mass_kg", "t"),
+        ("engine_speed_rps", "engine_speed_rpm", "1/s"),
+        ("pump_current_a", INPUT, "A"),
+        ("pump_current_pct", INPUT, "%"),
+        ("time_ms", TIME, "ms"),
+        ("pitch_s", "pitch_deg", "deg"),  # no unit of a slope
+    ],
+)
+def test_the_name_of_a_column_says_its_unit(name, meaning, unit):
+    assert known(ReadingSettings(input="I", output="Radar [km/h]"), [name], [meaning]) == {name: (meaning, unit)}
+
+
+@pytest.mark.parametrize("name", ["pump_pct", "I"])
+def test_a_share_of_the_current_is_read_as_the_command_line_reads_it(name, tmp_path):
+    """Its unit is known by its size, with a note, as long as nobody says another."""
+    path = tmp_path / "share.csv"
+    time_s = 0.1 * np.arange(200)
+    share_pct = 50.0 + 50.0 * np.sin(time_s)
+    table = np.column_stack([time_s, share_pct, 0.02 * share_pct])
+    np.savetxt(path, table, delimiter=",", header=f"time_s,{name},ground_speed_mps", comments="")
+    usual = ReadingSettings(input=name)
+    meant = known(usual, ["time_s", name, OUTPUT], [TIME, INPUT, OUTPUT])
+    reading = reading_of(usual, meant)
+    assert reading == usual
+    told = read_recording(path, reading)
+    assert told.input.max() == pytest.approx(10.0 * share_pct.max())
+    assert any("read as per cent" in note for note in told.notes)
+    in_ma = read_recording(path, reading_of(usual, meant | {name: (INPUT, "mA")}))
+    assert in_ma.input.max() == pytest.approx(share_pct.max())
+
+
+def test_a_measurement_is_told_the_share_that_its_reader_does_not_look_for():
+    meant = {"pump_pct": (INPUT, "%"), "v": (OUTPUT, "m/s")}
+    assert reading_of(ReadingSettings(), meant).columns["pump_pct"] == ColumnSettings(scale=10.0)
+
+
+def test_what_a_column_is_called_is_never_read_as_properties():
+    name = 'speed "GPS" innerHTML="<img src=x>'
+    with Client(page(""), request=None):
+        meaning, unit = _choice(name, [TIME], TIME, "s")
+    assert meaning.props["aria-label"] == f"meaning of {name}"
+    assert unit.props["aria-label"] == f"unit of {name}"
+    assert "innerHTML" not in meaning.props
 
 
 def rows(errors: list[float]) -> list[Row]:

@@ -107,15 +107,20 @@ def nothing_open(page: Page) -> bool:
                 )
         return True
     if session.step is None or session.step.curves is None:
-        with card():
-            if session.busy:
-                with ui.row().classes("items-center gap-3"):
-                    busy()
-                    ui.label("The model is being judged.")
-            else:
-                ui.label("There is no comparison of this model yet.")
-                ui.button("Compare", on_click=page.do(session.compare)).props("unelevated no-caps").style(
-                    "align-self:flex-start"
-                )
+        not_compared(page, "The model is being judged.")
         return True
     return False
+
+
+def not_compared(page: Page, meanwhile: str) -> None:
+    """Stands where the comparison is not there, or not all of it; `meanwhile` is said as long as something runs."""
+    with card():
+        if page.session.busy:
+            with ui.row().classes("items-center gap-3"):
+                busy()
+                ui.label(meanwhile)
+        else:
+            ui.label("There is no comparison of this model yet.")
+            ui.button("Compare", on_click=page.do(page.session.compare)).props("unelevated no-caps").style(
+                "align-self:flex-start"
+            )

@@ -103,7 +103,7 @@ def _verdict(page: Page, found: Diagnosed) -> None:
     if found.verdict == "nothing":
         with card("What could have hidden"):
             ui.label(
-                f"An effect that moves the speed {found.question.horizon_s:g} s ahead by less than "
+                f"An effect that moves the speed {found.horizon_s:g} s ahead by less than "
                 f"{speed(found.hidden_mps)} m/s RMS would not have been named. The candidates below came nearest; none "
                 "is to be believed."
             ).classes("measure")

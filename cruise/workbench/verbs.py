@@ -43,7 +43,7 @@ from cruise.validation.diagnose import diagnose as search
 from cruise.validation.noise_floor import NoiseFloor
 from cruise.validation.regimes import HeatMap
 from cruise.workbench import cards
-from cruise.workbench.by_hand import changed
+from cruise.workbench.by_hand import begun_anew, changed, settings_of
 from cruise.workbench.found import (
     Added,
     Asked,
@@ -239,12 +239,19 @@ def by_hand(
 ) -> Added:
     """A model whose parameters were set by hand, written to `path`, and what `cruise compare` says of that file."""
     core, model = changed(before.file, values)
+    moved = [one for one in settings_of(before.file) if values.get(one.name, one.value) != one.value]
     made = structs.replace(
-        before.file.provenance, made_by="cruise workbench, parameters set by hand", error_ahead_mps=None
+        before.file.provenance,
+        made_by="cruise workbench, parameters set by hand",
+        made_on=datetime.now(UTC).date().isoformat(),
+        error_ahead_mps=None,
+        note="set by hand: " + ", ".join(f"{one.name} from {one.value:.5g} to {values[one.name]:.5g}" for one in moved),
     )
-    better = files.file_of(path, model, made, core=core, history=before.file.history)
+    better = files.file_of(path, model, made, core=core)
     settings.save(path, better)
     judged = compared(recordings, replace(question, model=str(path)), show)
+    better = structs.replace(better, history=(begun_anew(better, before.floor_mps, judged),))
+    settings.save(path, better)
     return replace(
         before,
         effect=name,

@@ -18,7 +18,7 @@ from msgspec import structs
 from cruise import settings
 from cruise.can.bus import BusLostError
 from cruise.can.log import LogError
-from cruise.effects import Custom
+from cruise.effects import EFFECTS, Custom
 from cruise.effects.expression import ExpressionError
 from cruise.identification.accuracy import Accuracy
 from cruise.identification.named import model_named
@@ -224,6 +224,8 @@ def _whole(horizon_s: float, period_s: float) -> float:
 
 def term(written: CustomTerm) -> Custom:
     """A term of the user's own. ExpressionError where it can't be."""
+    if written.name in EFFECTS:
+        raise ExpressionError(f"{written.name} is an effect already; give the term another name")
     bounds = tuple((name, low, high) for name, (low, high) in written.bounds.items())
     return Custom(written.name, written.stage, written.expression, bounds)
 

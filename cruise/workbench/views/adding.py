@@ -5,7 +5,7 @@ from typing import Final
 
 from nicegui import ui
 
-from cruise.effects import Custom, Stage
+from cruise.effects import Stage
 from cruise.effects.expression import ExpressionError
 from cruise.model.files import CustomTerm
 from cruise.workbench import plots
@@ -14,6 +14,7 @@ from cruise.workbench.found import Added
 from cruise.workbench.page import Page
 from cruise.workbench.parts import NO_FIGURE, card, figure, heading, labelled, nothing_open, row_button, speed
 from cruise.workbench.session import Session
+from cruise.workbench.verbs import term as own
 from cruise.workbench.views.tracks import timeline
 
 STAGES: Final = {
@@ -230,7 +231,7 @@ def _custom(page: Page) -> None:
 
     def add() -> None:
         try:
-            term = Custom(str(name.value), stage.value, str(text.value))
+            term = own(CustomTerm(name=str(name.value), stage=stage.value, expression=str(text.value)))
         except ExpressionError as error:
             ui.notify(str(error), type="warning", multi_line=True, close_button=True)
             return

@@ -11,6 +11,7 @@ pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 
 from cruise.cli.workbench import _authority
 from cruise.workbench.guard import cookie_of
+from tests.cli.conftest import verb  # noqa: F401
 from tools.page.served import served
 
 TOKEN = "a token+of/the=test"
@@ -33,6 +34,13 @@ def test_bound_to_every_address_it_asks_everybody_for_the_token(cache, tmp_path,
         assert answer(f"{address}/_nicegui/client/1/upload/1") == 401
         assert answer(_printed(tmp_path / "said.txt")) == 200
         assert answer(address, cookie_of(TOKEN, int(address.rpartition(":")[2]))) == 200
+
+
+@pytest.mark.parametrize("horizon", ["nan", "-1", "0"])
+def test_a_horizon_that_is_no_time_is_refused(verb, horizon):  # noqa: F811
+    code, _, said = verb("workbench", "--no-browser", "--horizon", horizon)
+    assert code != 0
+    assert "give a time in s above 0" in " ".join(said.split())
 
 
 def test_an_address_of_ipv6_stands_in_brackets():

@@ -4,17 +4,17 @@ import os
 import secrets
 import socket
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated
+from urllib.parse import quote
 
 import typer
 
 from cruise.cli.places import CONFIG
-from cruise.cli.reading import Columns, Database, Horizon, InputName, OutputName, columns_of
+from cruise.cli.reading import Columns, Database, Horizon, InputName, OutputName, above_zero, columns_of
 from cruise.identification.named import model_named
 from cruise.recording import RecordingError
 from cruise.settings import SettingsError
-
-HERE: Final = ("127.0.0.1", "localhost", "::1")
+from cruise.workbench.guard import HERE
 
 
 def workbench(
@@ -49,7 +49,7 @@ def workbench(
     if model is not None:
         model_named(model)
     reading = columns_of(columns, input_name, output_name, database)
-    question = Question(model or MODEL, horizon_s=horizon)
+    question = Question(model or MODEL, horizon_s=above_zero("--horizon", horizon))
 
     def begin(session: Session) -> None:
         session.steps = [Step(Path(question.model).name, question)]
@@ -58,7 +58,7 @@ def workbench(
             session.open(Source(tuple(path.absolute() for path in recordings), reading, title))
 
     token = "" if host in HERE else os.environ.get("CRUISE_TOKEN") or secrets.token_urlsafe(16)
-    address = f"http://{host}:{port}/" + (f"?token={token}" if token else "")
+    address = f"http://{_authority(host, port)}/" + (f"?token={quote(token, safe='')}" if token else "")
     _free(host, port)
     print(f"cruise: workbench on {address}", flush=True)
     app.serve(
@@ -72,7 +72,14 @@ def _free(host: str, port: int) -> None:
         with socket.create_server((host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET):
             pass
     except OSError as error:
-        raise SettingsError(f"workbench: {host}:{port}: {error.strerror}; give another with --port") from error
+        raise SettingsError(
+            f"workbench: {_authority(host, port)}: {error.strerror}; give another with --port"
+        ) from error
+
+
+def _authority(host: str, port: int) -> str:
+    """Host and port as they stand in an address: that of IPv6 in brackets (RFC 3986, section 3.2.2)."""
+    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
 
 
 def user_cache() -> Path:

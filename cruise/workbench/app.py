@@ -212,7 +212,7 @@ def _dock(page: Page, dock: ui.element) -> None:
 def serve(workbench: Workbench, host: str, port: int, token: str, show: bool) -> None:
     """Serve the page until it is stopped."""
     jobs.prepare([verbs.__name__])
-    guarded(token, workbench.setup.upload_bytes)
+    guarded(token, port, workbench.setup.upload_bytes)
     app.on_shutdown(workbench.close)
     app.timer(POLL_S, workbench.poll)
     ui.run(
@@ -230,9 +230,9 @@ def serve(workbench: Workbench, host: str, port: int, token: str, show: bool) ->
     )
 
 
-def guarded(token: str, upload_bytes: int) -> None:
+def guarded(token: str, port: int, upload_bytes: int) -> None:
     """Nobody else gets in, and nothing longer."""
-    app.add_middleware(Guard, token=token, most_bytes=upload_bytes + FORM_BYTES)
+    app.add_middleware(Guard, token=token, port=port, most_bytes=upload_bytes + FORM_BYTES)
 
 
 FAVICON: Final = (

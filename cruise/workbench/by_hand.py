@@ -1,5 +1,6 @@
 """A model whose physical parameters are moved by hand: what its error becomes, without a fit."""
 
+import math
 from dataclasses import dataclass, fields
 from typing import Final
 
@@ -14,7 +15,8 @@ from cruise.identification.regressors import Smooth
 from cruise.identification.structures import Family
 from cruise.model import files
 from cruise.model.core import Core, discretised
-from cruise.model.files import ModelFile, PhysicalCore
+from cruise.model.files import ModelFile, PhysicalCore, Step
+from cruise.model.history import names_of
 from cruise.model.model import Model
 from cruise.validation.comparison import of_parameters
 from cruise.validation.explanation import CORE, RESONANCE
@@ -88,10 +90,26 @@ def judged(file: ModelFile, values: dict[str, float], compared: Compared) -> flo
     recordings = compared.predicted.recordings
     smooth: Smooth | None = smoother(PreparationSettings(period_s=model.period_s), model.period_s)
     validation = validation_filter(model, recordings, smooth)
-    horizon = max(round(compared.question.horizon_s / model.period_s), 1)
+    horizon = max(round(compared.predicted.horizon_s / model.period_s), 1)
     with np.errstate(over="ignore", invalid="ignore"):
         ahead = [of_parameters(Family.ARX, model).ahead(one, horizon, validation) for one in recordings]
     return float(accuracy([one.output for one in recordings], ahead).rmse_mps)
+
+
+def begun_anew(file: ModelFile, floor_mps: tuple[float, float], compared: Compared) -> Step:
+    """The first step of a file that was set by hand: the errors of the fits before it are not those of its model."""
+    least, most = (one if math.isfinite(one) else None for one in floor_mps)
+    effects = " + ".join(sorted(names_of(file))) or "core"
+    return Step(
+        structure=f"{effects}, set by hand (error on all data)",
+        error_after_mps=compared.error_mps,
+        horizon_s=round(compared.predicted.horizon_s, 9),
+        floor_at_least_mps=least,
+        floor_at_most_mps=most,
+        recordings=file.provenance.recordings,
+        samples=file.provenance.samples,
+        made_on=file.provenance.made_on,
+    )
 
 
 def _around(value: float) -> tuple[float, float]:

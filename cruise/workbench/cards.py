@@ -53,7 +53,6 @@ def card(found: Diagnosis, tried: Tried) -> Card:
         headline=what(EFFECTS[name]()) if listed else f"The speed depends on {signal}.",
         physics=physics(EFFECTS[name]()) if listed else NO_PHYSICS,
         equation=about.equation if about else "",
-        confidence=confidence,
         confidence_words=diagnosis.confidence(confidence),
         error_before_mps=evidence.error_mps(before),
         error_after_mps=evidence.error_mps(after),

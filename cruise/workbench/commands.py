@@ -9,6 +9,8 @@ import yaml
 from msgspec.structs import fields
 
 from cruise.effects import Custom
+from cruise.effects.custom import USUAL_BOUNDS
+from cruise.workbench.found import Added
 from cruise.workbench.session import Session
 
 COLUMNS = "columns.yaml"
@@ -39,7 +41,9 @@ def lines(session: Session) -> list[str]:
             said.append("# then parameters were set by hand, which no command does: take the model file")
         else:
             out = f"better-{place + 1}.yaml" if following is not steps[-1] else "better.yaml"
-            said.append(f"cruise add {shlex.quote(_word(following.added))} --model {model} {files}{options} -o {out}")
+            word, differs = _word(following.added)
+            said += [f"# {differs}"] if differs else []
+            said.append(f"cruise add {shlex.quote(word)} --model {model} {files}{options} -o {out}")
             model = out
     if len(steps) > 1:
         said += [f"cruise ladder {model}", f"cruise compare {files} --model {model}{options}"]
@@ -68,11 +72,15 @@ def _own(settings: msgspec.Struct) -> dict[str, Any]:
     return found
 
 
-def _word(added: object) -> str:
-    """An effect as `cruise add` is told it: its name, or the term written out."""
-    file, name = added.file, added.effect  # pyright: ignore[reportAttributeAccessIssue]
+def _word(added: Added) -> tuple[str, str]:
+    """An effect as `cruise add` is told it, its name or the term written out, and what that leaves unsaid."""
+    file, name = added.file, added.effect
     terms = file.custom if isinstance(file.custom, tuple) else (file.custom,)
     for term in terms:
         if term.name == name:
-            return str(Custom(term.name, term.stage, term.expression))
-    return name
+            other = {one: bounds for one, bounds in term.bounds.items() if bounds != USUAL_BOUNDS}
+            here = ", ".join(f"{one} from {low:g} to {high:g}" for one, (low, high) in other.items())
+            low, high = USUAL_BOUNDS
+            differs = f"{name} was fitted with {here}, which no command says: the next looks from {low:g} to {high:g}"
+            return str(Custom(term.name, term.stage, term.expression)), differs if other else ""
+    return name, ""

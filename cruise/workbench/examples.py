@@ -4,6 +4,7 @@ One machine is linear but for a slope that its drive feels; its twin feels none;
 stands, for an hour.
 """
 
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -101,9 +102,10 @@ def make(example: Example, folder: Path, show: Callable[[str], None] = lambda te
     if path.exists():
         return path
     path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_suffix(".part")
-    write_csv(drive(example, show), part)
-    part.replace(path)  # whole or not there, whoever else makes it at the same time
+    with tempfile.TemporaryDirectory(dir=path.parent) as mine:  # another may make it at the same time
+        part = Path(mine) / path.name
+        write_csv(drive(example, show), part)
+        part.replace(path)  # whole or not there
     return path
 
 

@@ -5,7 +5,7 @@ They cross from the process that computes to the one that serves the page, and t
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -56,7 +56,6 @@ class Question:
     """Which model is judged, and how: what the options of the command line say."""
 
     model: str  # name, structure written out, or model file
-    period_s: float | None = None
     horizon_s: float = 3.0
 
 
@@ -93,7 +92,8 @@ class Cells:
 def _range(quantity: tuple[str, str], label: str) -> str:
     """A bin of a quantity with its unit; a state is its own word."""
     words, unit = quantity
-    return f"{words} {label} {unit}" if unit or label[:1] in "<>" or label[:1].isdigit() else label
+    binned = unit or label.lstrip("<>- ")[:1].isdigit()
+    return f"{words} {label} {unit}".rstrip() if binned else label
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,6 +111,7 @@ class Predicted:
     """Speeds in m/s per recording at the model's period; NaN where there is none."""
 
     recordings: tuple[Recording, ...]
+    horizon_s: float  # in whole periods, as it was judged
     ahead_mps: tuple[np.ndarray, ...]
     free_run_mps: tuple[np.ndarray, ...]
 
@@ -124,7 +125,6 @@ class Predicted:
 class Compared:
     """What `cruise compare` says of a model."""
 
-    question: Question
     how: str
     not_held_out: str  # a sentence, where the model was fitted to what it is judged on; or empty
     predicted: Predicted
@@ -135,7 +135,6 @@ class Compared:
     leaves: tuple[str, ...]
     stretches: tuple[Stretch, ...]
     cells: Cells | None
-    said: dict[str, Any]  # as --json has it
     picture: bytes  # PNG
 
     @property
@@ -185,7 +184,6 @@ class Card:
     headline: str
     physics: str
     equation: str
-    confidence: float
     confidence_words: str
     error_before_mps: float
     error_after_mps: float
@@ -217,7 +215,7 @@ class Minute:
 class Diagnosed:
     """What `cruise diagnose` says of a model."""
 
-    question: Question
+    horizon_s: float  # in whole periods, as it was judged
     verdict: str
     explained: bool  # whether a model comes with it that errs less
     effects: tuple[str, ...]
@@ -233,7 +231,6 @@ class Diagnosed:
     error_after_mps: float
     floor_mps: tuple[float, float]
     minute: Minute
-    said: dict[str, Any]
     picture: bytes
 
 

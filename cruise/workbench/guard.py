@@ -1,12 +1,11 @@
 """Who may see the page: on this machine everybody who is on it, from outside only who knows the token."""
 
+import hashlib
 import hmac
 from collections.abc import Awaitable, Callable, MutableMapping
-from http.cookies import SimpleCookie
 from typing import Any, Final
 from urllib.parse import parse_qs
 
-COOKIE: Final = "cruise_workbench"
 HERE: Final = ("127.0.0.1", "localhost", "::1")
 
 Scope = MutableMapping[str, Any]
@@ -22,8 +21,8 @@ class Guard:
     longer than `most_bytes`, or does not say how long it is, is refused: 413, 411.
     """
 
-    def __init__(self, app: App, token: str, most_bytes: int) -> None:
-        self.app, self.token, self.most_bytes = app, token, most_bytes
+    def __init__(self, app: App, token: str, port: int, most_bytes: int) -> None:
+        self.app, self.token, self.port, self.most_bytes = app, token, port, most_bytes
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] not in ("http", "websocket"):
@@ -40,20 +39,26 @@ class Guard:
             await (self.app if host in HERE else _refuse)(scope, receive, send)
             return
         shown = parse_qs(scope.get("query_string", b"").decode("latin-1")).get("token", [""])[0]
-        kept = SimpleCookie(headers.get("cookie", "")).get(COOKIE)
+        cookie = cookie_of(self.token, self.port)
+        kept = [one.strip() for one in headers.get("cookie", "").split(";")]
         if hmac.compare_digest(shown.encode(), self.token.encode()):
 
             async def remember(message: MutableMapping[str, Any]) -> None:
                 if message["type"] == "http.response.start":
-                    cookie = f"{COOKIE}={self.token}; HttpOnly; SameSite=Strict; Path=/"
-                    message["headers"] = [*message.get("headers", []), (b"set-cookie", cookie.encode("latin-1"))]
+                    value = f"{cookie}; HttpOnly; SameSite=Strict; Path=/"
+                    message["headers"] = [*message.get("headers", []), (b"set-cookie", value.encode())]
                 await send(message)
 
             await self.app(scope, receive, remember)
-        elif kept is not None and hmac.compare_digest(kept.value.encode(), self.token.encode()):
+        elif any(hmac.compare_digest(one.encode(), cookie.encode()) for one in kept):
             await self.app(scope, receive, send)
         else:
             await _refuse(scope, receive, send)
+
+
+def cookie_of(token: str, port: int) -> str:
+    """Name and value of the cookie: any token fits in as its hash, and another port's is another one."""
+    return f"cruise_workbench_{port}={hashlib.sha256(token.encode()).hexdigest()}"
 
 
 async def _refuse(scope: Scope, receive: Receive, send: Send) -> None:

@@ -19,7 +19,6 @@ from cruise import settings as strict
 from cruise.can.bus import open_bus
 from cruise.can.frame import Frame
 from cruise.can.log import LogWriter
-from cruise.estimation.gate import Gate
 from cruise.plant import PlantSettings
 from cruise.service import course, demo
 from cruise.service import settings as service_settings
@@ -46,7 +45,6 @@ class Row:
     speed_mps: float
     current_ma: float
     engaged: float
-    learning: float
     driving_mps: float  # running 3 s ahead error of the model that drives
     learned_mps: float
     persistence_mps: float
@@ -99,7 +97,6 @@ class Live:
                 speed_mps=status.speed_mps,
                 current_ma=status.current_ma,
                 engaged=float(engaged),
-                learning=float(status.gate is Gate.OPEN),
                 driving_mps=errors.get("driving", math.nan),
                 learned_mps=errors.get("learned", math.nan),
                 persistence_mps=errors.get("persistence", math.nan),

@@ -64,9 +64,16 @@ def busy() -> None:
     ui.element("span").classes("busy").props("aria-hidden=true")
 
 
+def labelled(element: ui.element, words: str) -> None:
+    """Say what an element is; the words may come from a file, so that nothing in them is read as a property."""
+    element.props["aria-label"] = words
+
+
 def bars(share: float, color: str, words: str) -> None:
     """A share as a bar."""
-    with ui.element("div").classes("bar").props(f'role="img" aria-label="{words}"'):
+    bar = ui.element("div").classes("bar").props("role=img")
+    labelled(bar, words)
+    with bar:
         ui.element("div").style(f"width:{100 * min(max(share, 0.0), 1.0):.1f}%; background:{color}")
 
 
@@ -100,15 +107,20 @@ def nothing_open(page: Page) -> bool:
                 )
         return True
     if session.step is None or session.step.curves is None:
-        with card():
-            if session.busy:
-                with ui.row().classes("items-center gap-3"):
-                    busy()
-                    ui.label("The model is being judged.")
-            else:
-                ui.label("There is no comparison of this model yet.")
-                ui.button("Compare", on_click=page.do(session.compare)).props("unelevated no-caps").style(
-                    "align-self:flex-start"
-                )
+        not_compared(page, "The model is being judged.")
         return True
     return False
+
+
+def not_compared(page: Page, meanwhile: str) -> None:
+    """Stands where the comparison is not there, or not all of it; `meanwhile` is said as long as something runs."""
+    with card():
+        if page.session.busy:
+            with ui.row().classes("items-center gap-3"):
+                busy()
+                ui.label(meanwhile)
+        else:
+            ui.label("There is no comparison of this model yet.")
+            ui.button("Compare", on_click=page.do(page.session.compare)).props("unelevated no-caps").style(
+                "align-self:flex-start"
+            )

@@ -9,6 +9,7 @@ from nicegui import ui
 
 from cruise.workbench import theme
 from cruise.workbench.found import Curve, Minute, Signature
+from cruise.workbench.parts import labelled
 from cruise.workbench.theme import Theme
 
 SMALL_PX = 250
@@ -17,7 +18,7 @@ SMALL_PX = 250
 def chart(data: list[dict[str, Any]], layout: dict[str, Any], words: str) -> None:
     """A chart that stands still; `words` is what it is for those who don't see it."""
     plot = ui.plotly({"data": data, "layout": layout, "config": theme.STILL_CONFIG}).classes("w-full")
-    plot.props(f'role="img" aria-label="{words}"')
+    labelled(plot.props("role=img"), words)
 
 
 def signature(found: Signature, name: str, colors: Theme) -> None:

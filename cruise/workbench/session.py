@@ -116,7 +116,15 @@ class Session:
         shutil.rmtree(self.folder, ignore_errors=True)
 
     def ask(self, question: Question, name: str = "") -> None:
-        """Begin again with another model, or another horizon."""
+        """Begin again with another model, or another horizon; where that can't be, everything stays as it was."""
+        try:
+            verbs.meant(question)
+        except verbs.EXPECTED as error:
+            self.fault = str(error)
+            return
+        self._begin(question, name)
+
+    def _begin(self, question: Question, name: str) -> None:
         self.steps = [Step(name or Path(question.model).name, question)]
         self.at, self.cell, self.other = 0, None, None
         self.compare()
@@ -164,11 +172,10 @@ class Session:
         if self.opened is None or step is None:
             return
         name = effect if isinstance(effect, str) else effect.name
-        question = replace(step.question, period_s=None) if step.added else step.question
         self._start(
             f"Adding {name}: everything is refitted",
             verbs.added,
-            (self.opened.recordings, question, effect, self._next_file()),
+            (self.opened.recordings, step.question, effect, self._next_file()),
             self._stepped,
         )
 
@@ -248,11 +255,11 @@ class Session:
         names = [name for name in found.recordings[0].context() if moves(found, name)]
         self.context = [name for name in names if name == "pitch_deg"] or names[:1]
         first = self.steps[0] if self.steps else Step("", Question(MODEL))
-        self.ask(first.question, first.name)
+        self._begin(first.question, first.name)
 
     def _stepped(self, found: Added) -> None:
         del self.steps[self.at + 1 :]
-        question = replace(self.steps[0].question, model=str(found.path), period_s=None)
+        question = replace(self.steps[0].question, model=str(found.path))
         self.steps.append(Step(f"+ {found.effect}", question, found.compared, found))
         self.other, self.at, self.cell = self.at, self.at + 1, None
 
@@ -269,9 +276,9 @@ def moves(found: Opened, name: str) -> bool:
 
 
 def _example(setup: Setup, example: Example, show: Show) -> Opened:
-    """A bundled recording, made if it has to be, then opened as any other."""
+    """A bundled recording, made if it has to be, then opened under its own names, which are cruise's."""
     path = make(example, setup.cache, lambda text: show(text))
-    return verbs.opened(Source((path,), setup.reading, example.title), show)
+    return verbs.opened(Source((path,), ReadingSettings(), example.title), show)
 
 
 def _last(reading: ReadingSettings, path: Path, seconds: float, show: Show) -> Opened:

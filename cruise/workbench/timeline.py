@@ -13,6 +13,7 @@ from nicegui import events, ui
 
 from cruise.workbench import theme
 from cruise.workbench.downsample import extremes, window
+from cruise.workbench.parts import labelled
 from cruise.workbench.theme import Theme
 
 BUCKETS: Final = 1100  # over twice the window: about one for two pixels
@@ -26,7 +27,7 @@ Window = tuple[float, float]
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """One curve; `hover` is its format."""
+    """One curve."""
 
     name: str
     time_s: np.ndarray
@@ -34,7 +35,6 @@ class Line:
     color: str
     width: float = 1.3
     dash: str = "solid"
-    shape: str = "linear"
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,9 +104,8 @@ class Timeline:
                 ("zoom_out", "zoom out", lambda: self._zoom(2.0)),
                 ("fit_screen", "the whole recording", lambda: self._go(None)),
             ):
-                ui.button(icon=icon, on_click=act).props(f'flat dense round size=sm aria-label="{words}"').tooltip(
-                    words
-                )
+                button = ui.button(icon=icon, on_click=act).props("flat dense round size=sm").tooltip(words)
+                labelled(button, words)
 
     def _shift(self, share: float) -> None:
         low_s, high_s = self.shown or self.whole
@@ -200,7 +199,7 @@ class Timeline:
                 data.append(
                     {
                         "type": "scatter", "mode": "lines", "name": line.name, "x": x, "y": y, "yaxis": f"y{number}",
-                        "line": {"color": line.color, "width": line.width, "dash": line.dash, "shape": line.shape},
+                        "line": {"color": line.color, "width": line.width, "dash": line.dash},
                         "hovertemplate": f"%{{y:.4~g}}{unit}",
                     }
                 )  # fmt: skip

@@ -1,6 +1,7 @@
 """Files that a browser sends: kept under a plain name in the folder of the session, and nowhere else."""
 
 import re
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -20,11 +21,15 @@ def plain(name: str) -> str:
 
 
 async def kept(files: Sequence[FileUpload], folder: Path) -> list[Path | None]:
-    """Where files that were sent together are now, each under a name of its own; None for what is no recording."""
+    """Where files that were sent together are now, each under a name of its own; None for what is no recording.
+
+    They get a folder of their own: what was sent earlier under the same name stays as it is.
+    """
     folder.mkdir(parents=True, exist_ok=True)
+    mine = Path(tempfile.mkdtemp(dir=folder))
     paths: list[Path | None] = []
     for file, name in zip(files, apart([plain(file.name) for file in files]), strict=True):
-        path = folder / name if name.lower().endswith(ENDINGS) else None
+        path = mine / name if name.lower().endswith(ENDINGS) else None
         if path is not None:
             await file.save(path)
         paths.append(path)

@@ -18,12 +18,13 @@ from msgspec import structs
 from cruise import settings
 from cruise.can.bus import BusLostError
 from cruise.can.log import LogError
-from cruise.effects import Custom
+from cruise.effects import EFFECTS, Custom
 from cruise.effects.expression import ExpressionError
 from cruise.identification.accuracy import Accuracy
 from cruise.identification.named import model_named
 from cruise.identification.preparation import PreparationSettings
 from cruise.identification.regressors import FitError
+from cruise.identification.structures import Structure
 from cruise.model import files
 from cruise.model.files import CustomTerm
 from cruise.model.history import history_of
@@ -31,7 +32,6 @@ from cruise.model.model import Model
 from cruise.recording import Recording, RecordingError, notes_of
 from cruise.report import comparison as comparing
 from cruise.report import comparison_picture, diagnosis, diagnosis_picture, evidence
-from cruise.report.diagnosis_figures import report
 from cruise.report.model_file import model_file
 from cruise.service.recordings import read_recording
 from cruise.service.recordings.names import names_in
@@ -43,7 +43,7 @@ from cruise.validation.diagnose import diagnose as search
 from cruise.validation.noise_floor import NoiseFloor
 from cruise.validation.regimes import HeatMap
 from cruise.workbench import cards
-from cruise.workbench.by_hand import changed
+from cruise.workbench.by_hand import begun_anew, changed, settings_of
 from cruise.workbench.found import (
     Added,
     Asked,
@@ -61,7 +61,6 @@ from cruise.workbench.found import (
 
 EXPECTED: Final = (SettingsError, RecordingError, LogError, FitError, ExpressionError, BusLostError, OSError)
 """Errors that are the user's, with a message for the user."""
-UNFILTERED_HZ: Final = 0.0  # the search weighs frequencies itself
 CUTOFF_HZ: Final = 1.0  # of the training data, the default of the verbs
 CAUSES: Final = {
     "ahead": "How far the prediction is off {horizon:g} s ahead, from every sample on, on data that the fit has not "
@@ -96,21 +95,19 @@ def asked(source: Source, show: Show) -> Asked:
 
 def compared(recordings: Sequence[Recording], question: Question, show: Show) -> Compared:
     """`cruise compare`: the curves are handed over before floor and regimes are known."""
-    structure, start = model_named(question.model)
+    structure, start = meant(question)
     judged, fitted_to = structure, ()
     if start is not None:
         file = files.read(question.model)
         fitted_to = file.provenance.recordings
         judged = structure, comparison.of_parameters(structure.family, start, file.noise_parameters)
-    found = comparison.compare(
-        judged, recordings, _prepared(question, start, CUTOFF_HZ), question.horizon_s, lambda text: show(text)
-    )
-    curves = Predicted(found.recordings, found.ahead_mps, found.free_run_mps)
+    prepared = PreparationSettings(period_s=_period_s(start), cutoff_hz=CUTOFF_HZ)
+    found = comparison.compare(judged, recordings, prepared, question.horizon_s, lambda text: show(text))
+    curves = Predicted(found.recordings, found.horizon_s, found.ahead_mps, found.free_run_mps)
     show("judging", curves)
     findings = comparing.examined(question.model, fitted_to, found, lambda text: show(text))
     where = findings.regimes
     result = Compared(
-        question=question,
         how=found.how,
         not_held_out=findings.not_held_out,
         predicted=curves,
@@ -121,7 +118,6 @@ def compared(recordings: Sequence[Recording], question: Question, show: Show) ->
         leaves=tuple(leaf.sentence for leaf in findings.tree.leaves if len(leaf.keys) > 1),
         stretches=findings.stretches,
         cells=_located(where.heat_map, found) if where.heat_map else None,
-        said=comparing.report(findings),
         picture=b"",
     )
     show("drawing", result)
@@ -132,19 +128,18 @@ def compared(recordings: Sequence[Recording], question: Question, show: Show) ->
 
 def diagnosed(recordings: Sequence[Recording], question: Question, show: Show) -> Diagnosed:
     """`cruise diagnose`, with the evidence of every candidate that is shown."""
-    structure, start = model_named(question.model)
+    structure, start = meant(question)
     if structure.nb == 0:
         raise FitError(
             f"{question.model}: a model without the current has nothing that an effect could act on; give nb=1 or more"
         )
     core = files.read(question.model).core if start is not None else None
-    period_s = _prepared(question, start, UNFILTERED_HZ).period_s
+    period_s = _period_s(start)
+    horizon_s = _whole(question.horizon_s, period_s)
     begun = ladder.begin(
-        recordings, structure, start, core, period_s, question.horizon_s, lambda text: show(text), at_their_rate=True
+        recordings, structure, start, core, period_s, horizon_s, lambda text: show(text), at_their_rate=True
     )
     found = search(begun, lambda text: show(text))
-    show("weighing the evidence")
-    said = report(found, question.model, str(structure))
     show("looking for the noise floor")
     floor = evidence.floor_of(found, recordings)
     show("drawing")
@@ -153,7 +148,7 @@ def diagnosed(recordings: Sequence[Recording], question: Question, show: Show) -
     final = found.final if found.explained else (first[0].judged if first else found.final)
     before = evidence.error_mps(found.base)
     return Diagnosed(
-        question=question,
+        horizon_s=horizon_s,
         verdict=found.verdict.value,
         explained=found.explained,
         effects=found.effects,
@@ -173,7 +168,6 @@ def diagnosed(recordings: Sequence[Recording], question: Question, show: Show) -
         error_after_mps=evidence.error_mps(final),
         floor_mps=_between(floor),
         minute=cards.minute(found, final),
-        said=said,
         picture=_drawn(lambda path: diagnosis_picture.draw(found, floor, path)),
     )
 
@@ -182,13 +176,13 @@ def added(
     recordings: Sequence[Recording], question: Question, effect: str | CustomTerm, path: Path, show: Show
 ) -> Added:
     """`cruise add`: the better model written to `path`, and what `cruise compare` says of that file."""
-    structure, start = model_named(question.model)
+    structure, start = meant(question)
     file = files.read(question.model) if start is not None else None
     earlier = history_of(question.model, file) if file is not None else ()
-    period_s = _prepared(question, start, UNFILTERED_HZ).period_s
+    period_s = _period_s(start)
     core = file.core if file is not None else None
     wanted = effect if isinstance(effect, str) else term(effect)
-    horizon_s = question.horizon_s
+    horizon_s = _whole(question.horizon_s, period_s)
     study = ladder.begin(
         recordings, structure, start, core, period_s, horizon_s, lambda text: show(text), wanted=wanted
     )
@@ -211,14 +205,27 @@ def added(
     )
 
 
-def _prepared(question: Question, start: Model | None, cutoff_hz: float) -> PreparationSettings:
-    """At the period that was asked for, else the model file's, else the usual one."""
-    usual_s = PreparationSettings().period_s if start is None else start.period_s
-    return PreparationSettings(period_s=question.period_s or usual_s, cutoff_hz=cutoff_hz)
+def meant(question: Question) -> tuple[Structure, Model | None]:
+    """The model that is asked about, as `model_named` has it. SettingsError where it is to look no time ahead."""
+    if not 0.0 < question.horizon_s < math.inf:
+        raise SettingsError(f"judged {question.horizon_s:g} s ahead: give a time in s above 0")
+    return model_named(question.model)
+
+
+def _period_s(start: Model | None) -> float:
+    """The model file's period, else the usual one."""
+    return PreparationSettings().period_s if start is None else start.period_s
+
+
+def _whole(horizon_s: float, period_s: float) -> float:
+    """The horizon in whole periods, as it is judged."""
+    return round(max(round(horizon_s / period_s), 1) * period_s, 9)
 
 
 def term(written: CustomTerm) -> Custom:
     """A term of the user's own. ExpressionError where it can't be."""
+    if written.name in EFFECTS:
+        raise ExpressionError(f"{written.name} is an effect already; give the term another name")
     bounds = tuple((name, low, high) for name, (low, high) in written.bounds.items())
     return Custom(written.name, written.stage, written.expression, bounds)
 
@@ -234,12 +241,19 @@ def by_hand(
 ) -> Added:
     """A model whose parameters were set by hand, written to `path`, and what `cruise compare` says of that file."""
     core, model = changed(before.file, values)
+    moved = [one for one in settings_of(before.file) if values.get(one.name, one.value) != one.value]
     made = structs.replace(
-        before.file.provenance, made_by="cruise workbench, parameters set by hand", error_ahead_mps=None
+        before.file.provenance,
+        made_by="cruise workbench, parameters set by hand",
+        made_on=datetime.now(UTC).date().isoformat(),
+        error_ahead_mps=None,
+        note="set by hand: " + ", ".join(f"{one.name} from {one.value:.5g} to {values[one.name]:.5g}" for one in moved),
     )
-    better = files.file_of(path, model, made, core=core, history=before.file.history)
+    better = files.file_of(path, model, made, core=core)
     settings.save(path, better)
     judged = compared(recordings, replace(question, model=str(path)), show)
+    better = structs.replace(better, history=(begun_anew(better, before.floor_mps, judged),))
+    settings.save(path, better)
     return replace(
         before,
         effect=name,

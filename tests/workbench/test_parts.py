@@ -5,8 +5,10 @@ import os
 import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from threading import Lock
+from urllib.parse import quote
 
 import numpy as np
 import pyarrow as pa
@@ -16,6 +18,10 @@ from pyarrow import parquet
 
 pytest.importorskip("nicegui", reason="the extra workbench is not installed")
 
+from nicegui import Client
+from nicegui.elements.upload_files import SmallFileUpload
+from nicegui.page import page
+
 from cruise.can.codec import Codec
 from cruise.can.frame import Frame
 from cruise.can.log import LogWriter, read_log
@@ -24,17 +30,18 @@ from cruise.cli.places import CONFIG
 from cruise.columns import ColumnSettings
 from cruise.service.course import Drive, FieldRow, OperatorRow
 from cruise.service.cruise_node import CruiseNode
-from cruise.service.recordings import ReadingSettings
+from cruise.service.recordings import ReadingSettings, read_recording
 from cruise.service.recordings.names import names_in
 from cruise.service.settings import CruiseSettings
 from cruise.signals import INPUT, OUTPUT
 from cruise.workbench import jobs
 from cruise.workbench.downsample import extremes, window
 from cruise.workbench.examples import EXAMPLES, drive, make
-from cruise.workbench.guard import COOKIE, Guard
+from cruise.workbench.found import Cells
+from cruise.workbench.guard import Guard, cookie_of
 from cruise.workbench.live import KEPT_S, Live, Row, Twin, again_and_again, worse_since
-from cruise.workbench.uploads import apart, plain
-from cruise.workbench.views.mapping import AS_IT_IS, AS_SET, TIME, guessed, known, reading_of
+from cruise.workbench.uploads import apart, kept, plain
+from cruise.workbench.views.mapping import AS_IT_IS, AS_SET, TIME, _choice, guessed, known, reading_of
 
 
 def test_downsampling_keeps_every_extreme():
@@ -75,6 +82,15 @@ def test_an_example_is_driven_once_and_the_same_every_time(tmp_path):
     first, again = drive(example), drive(example)
     np.testing.assert_array_equal(first.output, again.output)
     assert abs(np.nanmax(first.columns["pitch_deg"])) > 4.0
+
+
+def test_two_may_make_the_same_example_at_once(tmp_path):
+    example = replace(EXAMPLES[0], seconds=60.0)
+    with ThreadPoolExecutor(2) as both:
+        paths = [one.result() for one in [both.submit(make, example, tmp_path) for _ in range(2)]]
+    assert paths[0] == paths[1]
+    assert len(read_recording(paths[0], ReadingSettings())) == 1200
+    assert list(paths[0].parent.iterdir()) == [paths[0]]
 
 
 def shouting(times: int, show: jobs.Any) -> int:
@@ -139,7 +155,7 @@ def test_mistakes_of_the_user_are_said_and_bugs_are_shown():
 
 
 @pytest.mark.parametrize(
-    ("name", "kept"),
+    ("name", "bare"),
     [
         ("../../etc/passwd.csv", "passwd.csv"),
         ("C:\\temp\\drive one.csv", "drive_one.csv"),
@@ -148,14 +164,47 @@ def test_mistakes_of_the_user_are_said_and_bugs_are_shown():
         ("/", "recording"),
     ],
 )
-def test_an_upload_never_leaves_its_folder(name, kept):
-    assert plain(name) == kept
+def test_an_upload_never_leaves_its_folder(name, bare):
+    assert plain(name) == bare
     assert "/" not in plain(name)
 
 
 def test_files_that_are_sent_together_stay_apart():
     assert apart(["a.csv", "b.csv"]) == ["a.csv", "b.csv"]
     assert apart(["__.csv", "__.csv", "2-__.csv", "__.csv"]) == ["__.csv", "2-__.csv", "2-2-__.csv", "3-__.csv"]
+
+
+def test_an_upload_leaves_an_earlier_one_of_the_same_name_as_it_is(tmp_path):
+    paths = []
+    for text in (b"first", b"second"):
+        file = SmallFileUpload("drive.csv", "text/csv", text)
+        with ThreadPoolExecutor(1) as aside:
+            paths += aside.submit(lambda file=file: asyncio.run(kept([file], tmp_path))).result()
+    assert [path.read_bytes() for path in paths] == [b"first", b"second"]
+    assert [path.name for path in paths] == ["drive.csv", "drive.csv"]
+
+
+def cells(quantity: tuple[str, str], labels: tuple[str, ...]) -> Cells:
+    """A map of one row that is sorted by nothing."""
+    none = np.zeros((1, len(labels)))
+    return Cells(("change of current", ""), ("rising",), quantity, labels, none, none, none, ())
+
+
+@pytest.mark.parametrize(
+    ("quantity", "label", "words"),
+    [
+        (("steering", ""), "-3 to -1", "steering -3 to -1"),
+        (("steering", ""), "1 to 3", "steering 1 to 3"),
+        (("steering", ""), "< -3", "steering < -3"),
+        (("slope", "deg"), "-3 to -1", "slope -3 to -1 deg"),
+        (("gear", ""), "gear -1", "gear -1"),
+    ],
+)
+def test_a_cell_is_spoken_of_with_its_quantity(quantity, label, words):
+    assert cells(quantity, (label,)).words(0, 0) == f"{words}, rising"
+
+
+PORT = 8080
 
 
 def asked(token: str, host: str, query: str = "", cookie: str = "", kind: str = "http", method="GET", length="0"):
@@ -176,8 +225,11 @@ def asked(token: str, host: str, query: str = "", cookie: str = "", kind: str = 
     headers = [(b"host", host.encode()), (b"cookie", cookie.encode()), (b"content-length", length.encode())]
     scope = {"type": kind, "method": method, "headers": headers, "query_string": query.encode()}
     with ThreadPoolExecutor(1) as aside:  # a browser that other tests drive has its loop in this thread
-        aside.submit(lambda: asyncio.run(Guard(app, token, 1000)(scope, receive, send))).result()
+        aside.submit(lambda: asyncio.run(Guard(app, token, PORT, 1000)(scope, receive, send))).result()
     return sent, bool(through)
+
+
+MINE = cookie_of("secret", PORT)
 
 
 def test_from_outside_only_the_token_opens():
@@ -185,9 +237,22 @@ def test_from_outside_only_the_token_opens():
     assert not asked("secret", "10.0.0.7:8080", "token=guess")[1]
     sent, through = asked("secret", "10.0.0.7:8080", "token=secret")
     assert through
-    assert dict(sent[0]["headers"])[b"set-cookie"].startswith(f"{COOKIE}=secret; HttpOnly".encode())
-    assert asked("secret", "10.0.0.7:8080", cookie=f"{COOKIE}=secret")[1]
-    assert not asked("secret", "10.0.0.7:8080", cookie=f"{COOKIE}=other", kind="websocket")[1]
+    assert dict(sent[0]["headers"])[b"set-cookie"] == f"{MINE}; HttpOnly; SameSite=Strict; Path=/".encode()
+    assert asked("secret", "10.0.0.7:8080", cookie=MINE)[1]
+    assert not asked("secret", "10.0.0.7:8080", cookie=f"{MINE[:-1]}x", kind="websocket")[1]
+
+
+@pytest.mark.parametrize("token", ["a+b/c=", "x&y", "schl\u00fcssel", "geheim wort", "a;b", 'a"b', "\u20ac1", "100%"])
+def test_any_token_opens_by_the_address_and_by_the_cookie_after_it(token):
+    sent, through = asked(token, "10.0.0.7:8080", f"token={quote(token, safe='')}")
+    assert through
+    cookie = dict(sent[0]["headers"])[b"set-cookie"].decode("ascii").partition("; HttpOnly")[0]
+    assert asked(token, "10.0.0.7:8080", cookie=cookie)[1]
+
+
+def test_cookies_of_other_programs_and_ports_are_in_nobodys_way():
+    assert asked("secret", "10.0.0.7:8080", cookie=f'prefs={{"a":1}}; {MINE}; x')[1]
+    assert not asked("secret", "10.0.0.7:8080", cookie=cookie_of("secret", PORT + 1))[1]
 
 
 def test_on_this_machine_no_page_of_another_site_gets_in():
@@ -278,8 +343,62 @@ def test_what_the_settings_say_holds_on_where_nothing_else_is_said():
     assert "slope" not in reading_of(usual, asked | {"slope": (AS_IT_IS, "-")}).columns, "it goes by its own name"
 
 
+@pytest.mark.parametrize(
+    ("name", "meaning", "unit"),
+    [
+        ("ground_speed_kmh", OUTPUT, "km/h"),
+        ("Radar [km/h]", OUTPUT, "km/h"),
+        ("wheel_speed_kmh", "wheel_speed_mps", "km/h"),
+        ("pitch_rad", "pitch_deg", "rad"),
+        ("oil_temperature_f", "oil_temperature_c", "degF"),
+        ("line_pressure_psi", "line_pressure_bar", "psi"),
+        ("machine_mass_t", "machine_mass_kg", "t"),
+        ("engine_speed_rps", "engine_speed_rpm", "1/s"),
+        ("pump_current_a", INPUT, "A"),
+        ("pump_current_pct", INPUT, "%"),
+        ("time_ms", TIME, "ms"),
+        ("pitch_s", "pitch_deg", "deg"),  # no unit of a slope
+    ],
+)
+def test_the_name_of_a_column_says_its_unit(name, meaning, unit):
+    assert known(ReadingSettings(input="I", output="Radar [km/h]"), [name], [meaning]) == {name: (meaning, unit)}
+
+
+@pytest.mark.parametrize("name", ["pump_pct", "I"])
+def test_a_share_of_the_current_is_read_as_the_command_line_reads_it(name, tmp_path):
+    """Its unit is known by its size, with a note, as long as nobody says another."""
+    path = tmp_path / "share.csv"
+    time_s = 0.1 * np.arange(200)
+    share_pct = 50.0 + 50.0 * np.sin(time_s)
+    table = np.column_stack([time_s, share_pct, 0.02 * share_pct])
+    np.savetxt(path, table, delimiter=",", header=f"time_s,{name},ground_speed_mps", comments="")
+    usual = ReadingSettings(input=name)
+    meant = known(usual, ["time_s", name, OUTPUT], [TIME, INPUT, OUTPUT])
+    reading = reading_of(usual, meant)
+    assert reading == usual
+    told = read_recording(path, reading)
+    assert told.input.max() == pytest.approx(10.0 * share_pct.max())
+    assert any("read as per cent" in note for note in told.notes)
+    in_ma = read_recording(path, reading_of(usual, meant | {name: (INPUT, "mA")}))
+    assert in_ma.input.max() == pytest.approx(share_pct.max())
+
+
+def test_a_measurement_is_told_the_share_that_its_reader_does_not_look_for():
+    meant = {"pump_pct": (INPUT, "%"), "v": (OUTPUT, "m/s")}
+    assert reading_of(ReadingSettings(), meant).columns["pump_pct"] == ColumnSettings(scale=10.0)
+
+
+def test_what_a_column_is_called_is_never_read_as_properties():
+    name = 'speed "GPS" innerHTML="<img src=x>'
+    with Client(page(""), request=None):
+        meaning, unit = _choice(name, [TIME], TIME, "s")
+    assert meaning.props["aria-label"] == f"meaning of {name}"
+    assert unit.props["aria-label"] == f"unit of {name}"
+    assert "innerHTML" not in meaning.props
+
+
 def rows(errors: list[float]) -> list[Row]:
-    return [Row(float(k), 1.0, 1.0, 500.0, 1.0, 1.0, error, error, 0.3) for k, error in enumerate(errors)]
+    return [Row(float(k), 1.0, 1.0, 500.0, 1.0, error, error, 0.3) for k, error in enumerate(errors)]
 
 
 def test_a_model_that_has_become_worse_is_noticed_with_its_time():

@@ -9,25 +9,36 @@ from msgspec import structs
 
 pytest.importorskip("nicegui", reason="the extra workbench is not installed")
 
+from nicegui import Client, ui
+from nicegui.page import page
+
 from cruise import settings
 from cruise.can.settings import CanSettings, SourceAddresses
+from cruise.cli.ladder import rungs_of
 from cruise.cli.places import CONFIG
 from cruise.columns import ActiveWhen, ColumnSettings
 from cruise.effects import Custom, Stage
+from cruise.effects.expression import ExpressionError
 from cruise.model import files
 from cruise.model.files import CustomTerm
+from cruise.model.history import history_of
 from cruise.service import settings as service_settings
 from cruise.service.recordings import ReadingSettings
+from cruise.settings import SettingsError
 from cruise.workbench import commands, report
 from cruise.workbench.by_hand import changed, judged, settings_of
 from cruise.workbench.examples import EXAMPLES, drive
 from cruise.workbench.found import Opened, Question, Source
-from cruise.workbench.session import MODEL, SEARCH, Session, Step, moves
+from cruise.workbench.live import Live
+from cruise.workbench.page import Page
+from cruise.workbench.session import MODEL, SEARCH, Session, Step, _example, moves
 from cruise.workbench.setup import Setup
 from cruise.workbench.verbs import added, by_hand, compared
+from cruise.workbench.views import adding, comparing, failing
 from cruise.workbench.views.adding import levels
 from cruise.workbench.views.failing import stretches_of
 from cruise.workbench.views.missing import floor_of
+from cruise.workbench.views.tracks import timeline
 
 
 def quiet(text: str, part: object = None) -> None:
@@ -109,6 +120,13 @@ def test_what_was_set_by_hand_is_a_model_file_that_every_verb_reads(recording, b
     assert file.core is not None
     assert file.core.loads_mps == {"grade": 0.2}
     assert kept.error_after_mps > kept.error_before_mps
+    assert "grade.load from " in file.provenance.note
+    (step,) = history_of(kept.path, file)
+    assert step.structure == "grade, set by hand (error on all data)"
+    assert step.error_after_mps == kept.error_after_mps
+    assert rungs_of((step,))[0].share is None or rungs_of((step,))[0].share == 0.0
+    again = added([recording], Question(str(kept.path)), "sensor_bias", tmp_path / "again.yaml", quiet)
+    assert [one.effect for one in history_of(again.path, again.file)] == ["", "sensor_bias"]
 
 
 def test_only_what_a_service_was_watched_for_is_looked_for_unasked(session, tmp_path, monkeypatch):
@@ -150,6 +168,72 @@ def test_a_term_of_ones_own_is_fitted_and_written_into_the_file(recording, tmp_p
     found = added([recording], Question(MODEL), term, tmp_path / "hill.yaml", quiet)
     assert found.error_after_mps < 0.2 * found.error_before_mps
     assert isinstance(files.load(found.path).effects[0], Custom)
+
+
+def test_bounds_of_a_term_that_no_command_says_are_said(session, better):
+    term = CustomTerm(name="hill", stage=Stage.LOAD, expression="p1*pitch_deg", bounds={"p1": (-50.0, 50.0)})
+    session.steps[1].added = replace(better, effect="hill", file=structs.replace(better.file, custom=term))
+    lines = commands.lines(session)
+    place = next(k for k, line in enumerate(lines) if line.startswith("cruise add 'custom(hill, load, p1*pitch_deg)'"))
+    assert lines[place - 1].startswith("# hill was fitted with p1 from -50 to 50")
+    usual = structs.replace(term, bounds={"p1": (-1.0, 1.0)})
+    session.steps[1].added = replace(better, effect="hill", file=structs.replace(better.file, custom=usual))
+    assert not any(line.startswith("#") for line in commands.lines(session))
+
+
+def test_a_term_that_is_called_like_an_effect_is_refused_before_it_is_fitted(recording, tmp_path):
+    wrong = CustomTerm(name="grade", stage=Stage.LOAD, expression="p1*pitch_deg")
+    with pytest.raises(ExpressionError, match="grade is an effect already"):
+        added([recording], Question(MODEL), wrong, tmp_path / "g.yaml", quiet)
+    assert not (tmp_path / "g.yaml").exists()
+
+
+@pytest.mark.parametrize("question", [Question("arx:na=1,nb=3,dealy_s=0.5"), Question(MODEL, horizon_s=-1.0)])
+def test_a_question_that_is_none_leaves_the_steps_as_they_are(session, question):
+    steps = list(session.steps)
+    session.ask(question)
+    assert session.fault
+    assert (session.steps, session.at, session.busy) == (steps, 1, False)
+
+
+@pytest.mark.parametrize("horizon_s", [np.nan, -1.0, 0.0, np.inf])
+def test_a_horizon_that_is_no_time_is_refused(recording, horizon_s):
+    with pytest.raises(SettingsError, match="give a time in s above 0"):
+        compared([recording], Question(MODEL, horizon_s=horizon_s), quiet)
+
+
+def test_the_horizon_is_that_which_was_judged(session, recording):
+    session.steps = [Step(MODEL, Question(MODEL, horizon_s=2.5), compared([recording], Question(MODEL, 2.5), quiet))]
+    session.at = 0
+    assert session.step.compared.figures[0].name == "2.4 s ahead"
+    with Client(page(""), request=None):
+        shown = timeline(Page(session, session.setup, Live(), ui.context.client), compact=True)
+    assert [line.name for line in shown.lines if "ahead" in line.name] == ["model, 2.4 s ahead"]
+
+
+def test_a_stopped_comparison_can_be_begun_again(session):
+    session.steps, session.at = [Step(MODEL, Question(MODEL), predicted=session.steps[0].compared.predicted)], 0
+    for view in (failing, comparing):
+        with Client(page(""), request=None) as client:
+            view.show(Page(session, session.setup, Live(), client))
+        words = [one.text for one in client.elements.values() if isinstance(one, ui.button)]
+        assert "Compare" in words
+
+
+def test_what_was_set_by_hand_is_not_called_fitted(session, better):
+    for hand, said, unsaid in ((False, "as fitted", "as set by hand"), (True, "as set by hand", "as fitted")):
+        session.steps[1].added = replace(better, by_hand=hand)
+        with Client(page(""), request=None) as client:
+            adding.show(Page(session, session.setup, Live(), client))
+        words = " ".join(str(getattr(one, "text", "")) for one in client.elements.values()).lower()
+        assert said in words
+        assert unsaid not in words
+
+
+def test_a_bundled_recording_is_read_under_its_own_names(tmp_path):
+    example = replace(EXAMPLES[0], seconds=60.0)
+    setup = Setup(ReadingSettings(input="pump_pct", output="v"), CONFIG, tmp_path)
+    assert len(_example(setup, example, quiet).recordings[0]) == 1200
 
 
 def test_undo_and_redo_go_along_the_steps_and_not_beyond(session):

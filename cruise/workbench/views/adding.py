@@ -5,15 +5,16 @@ from typing import Final
 
 from nicegui import ui
 
-from cruise.effects import Custom, Stage
+from cruise.effects import Stage
 from cruise.effects.expression import ExpressionError
 from cruise.model.files import CustomTerm
 from cruise.workbench import plots
 from cruise.workbench.by_hand import Setting, judged, settings_of
 from cruise.workbench.found import Added
 from cruise.workbench.page import Page
-from cruise.workbench.parts import NO_FIGURE, card, figure, heading, nothing_open, row_button, speed
+from cruise.workbench.parts import NO_FIGURE, card, figure, heading, labelled, nothing_open, row_button, speed
 from cruise.workbench.session import Session
+from cruise.workbench.verbs import term as own
 from cruise.workbench.views.tracks import timeline
 
 STAGES: Final = {
@@ -45,7 +46,8 @@ def show(page: Page) -> None:
         timeline(page, compact=True)
     step = session.step
     if step is not None and step.added is not None:
-        with card("Parameters", "As fitted. Moving one shows at once what the error becomes; nothing is refitted."):
+        how = _how(step.added)
+        with card("Parameters", f"As {how}. Moving one shows at once what the error becomes; nothing is refitted."):
             _by_hand(page, step.added)
     with card("A term of your own"):
         _custom(page)
@@ -134,15 +136,21 @@ def _beside(page: Page) -> None:
             ).classes("num quiet")
 
 
+def _how(added: Added) -> str:
+    """How the parameters of a step came to be."""
+    return "set by hand" if added.by_hand else "fitted"
+
+
 def _by_hand(page: Page, added: Added) -> None:
     session = page.session
     step = session.step
     assert step is not None
     settings = settings_of(added.file)
     values = {one.name: one.value for one in settings}
+    as_it_was = f"as {_how(added)}"
     with ui.row().classes("items-end gap-10"):
         shown = ui.label(speed(step.compared.error_mps) if step.compared else NO_FIGURE).classes("figure")
-        words = ui.label("m/s RMS ahead, as fitted").classes("quiet small")
+        words = ui.label(f"m/s RMS ahead, {as_it_was}").classes("quiet small")
     std = {one.name: one for one in added.parameters}
     inputs = []
 
@@ -153,12 +161,12 @@ def _by_hand(page: Page, added: Added) -> None:
         changed = any(not math.isclose(values[each.name], each.value, rel_tol=1e-9) for each in settings)
         error = judged(added.file, values, step.compared) if changed else step.compared.error_mps
         shown.set_text(speed(error))
-        words.set_text("m/s RMS ahead, set by hand" if changed else "m/s RMS ahead, as fitted")
+        words.set_text(f"m/s RMS ahead, {'set by hand' if changed else as_it_was}")
         keep.set_enabled(changed and not session.busy)
 
     with ui.element("table").classes("figures"):
         with ui.element("tr"):
-            for text in ("parameter", "by hand", "value", "as fitted", "±", "unit"):
+            for text in ("parameter", "by hand", "value", as_it_was, "±", "unit"):
                 with ui.element("th").classes("words" if text in ("by hand", "unit") else ""):
                     ui.label(text)
         for one in settings:
@@ -173,7 +181,8 @@ def _by_hand(page: Page, added: Added) -> None:
                         step=float(f"{(one.high - one.low) / STEPS_OF_SLIDER:.1g}"),
                         value=one.value,
                         on_change=lambda event, one=one: set_to(one, event.value),
-                    ).props(f'dense aria-label="{one.name}"')
+                    ).props("dense")
+                    labelled(slider, one.name)
                 with ui.element("td"):
                     ui.label().bind_text_from(slider, "value", lambda value: f"{value:.4g}")
                 with ui.element("td"):
@@ -198,7 +207,7 @@ def _by_hand(page: Page, added: Added) -> None:
             on_click=page.do(lambda: session.by_hand("by hand", dict(values))),
         ).props("outline no-caps")
         keep.set_enabled(False)
-        ui.button("Back to the fit", on_click=reset).props("flat no-caps")
+        ui.button("Back" if added.by_hand else "Back to the fit", on_click=reset).props("flat no-caps")
 
 
 def _custom(page: Page) -> None:
@@ -222,7 +231,7 @@ def _custom(page: Page) -> None:
 
     def add() -> None:
         try:
-            term = Custom(str(name.value), stage.value, str(text.value))
+            term = own(CustomTerm(name=str(name.value), stage=stage.value, expression=str(text.value)))
         except ExpressionError as error:
             ui.notify(str(error), type="warning", multi_line=True, close_button=True)
             return

@@ -8,7 +8,7 @@ from cruise.signals import INPUT, OUTPUT
 from cruise.validation.quantities import spoken
 from cruise.workbench.found import Compared
 from cruise.workbench.page import Page
-from cruise.workbench.parts import card, figure, heading, number, speed
+from cruise.workbench.parts import card, figure, heading, not_compared, number, speed
 from cruise.workbench.views.tracks import timeline
 
 EXPLAINED = "How much of the variance of the speed the prediction explains. It is blind to a constant error."
@@ -42,6 +42,8 @@ def show(page: Page) -> None:
         ).classes("quiet small")
     if compared is not None:
         _table(compared)
+    elif not session.busy:
+        not_compared(page, "")
 
 
 def _headline(compared: Compared) -> None:

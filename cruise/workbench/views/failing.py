@@ -10,7 +10,7 @@ from nicegui import events, ui
 from cruise.workbench import theme
 from cruise.workbench.found import Cells, Compared
 from cruise.workbench.page import Page
-from cruise.workbench.parts import bars, card, heading, legend, nothing_open, row_button
+from cruise.workbench.parts import bars, card, heading, legend, not_compared, nothing_open, row_button
 from cruise.workbench.timeline import Mark, Timeline
 from cruise.workbench.views.tracks import timeline
 
@@ -30,8 +30,7 @@ def show(page: Page) -> None:
     step = page.session.step
     compared = step.compared if step else None
     if compared is None:
-        with card():
-            ui.label("The errors are being sorted.").classes("quiet")
+        not_compared(page, "The errors are being sorted.")
         return
     with ui.element("div").classes("grid2 wide-left"):
         with card("RMS error by regime"):

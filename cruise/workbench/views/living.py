@@ -10,7 +10,7 @@ from cruise.workbench import theme
 from cruise.workbench.downsample import extremes
 from cruise.workbench.live import KEPT_S, Live, watch_bus, watch_combine, worse_since
 from cruise.workbench.page import Page
-from cruise.workbench.parts import NO_FIGURE, card, figure, heading, legend, speed
+from cruise.workbench.parts import NO_FIGURE, card, figure, heading, labelled, legend, speed
 from cruise.workbench.verbs import EXPECTED
 
 REFRESH_S: Final = 1.0
@@ -222,4 +222,6 @@ def _figure(
 
 
 def _plot(found: dict[str, Any], words: str) -> ui.plotly:
-    return ui.plotly(found).classes("w-full").props(f'role="img" aria-label="{words} over time"')
+    plot = ui.plotly(found).classes("w-full").props("role=img")
+    labelled(plot, f"{words} over time")
+    return plot

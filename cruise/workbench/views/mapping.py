@@ -2,22 +2,23 @@
 
 import difflib
 import math
+import re
 from typing import Any, Final
 
 from msgspec.structs import replace
 from nicegui import ui
 
-from cruise.columns import ColumnSettings
+from cruise.columns import FULL_MA, ColumnSettings
 from cruise.service.recordings import TABLES, ReadingSettings
 from cruise.signals import INPUT, OUTPUT, SIGNALS
 from cruise.workbench.found import Asked, Source
 from cruise.workbench.page import Page
-from cruise.workbench.parts import card
+from cruise.workbench.parts import card, labelled
 
 TIME: Final = "time_s"
 UNITS: Final[dict[str, dict[str, tuple[float, float]]]] = {
     "s": {"s": (1.0, 0.0), "ms": (1e-3, 0.0), "us": (1e-6, 0.0)},
-    "mA": {"mA": (1.0, 0.0), "A": (1000.0, 0.0)},
+    "mA": {"mA": (1.0, 0.0), "A": (1000.0, 0.0), "%": (0.01 * FULL_MA, 0.0), "share": (FULL_MA, 0.0)},
     "m/s": {"m/s": (1.0, 0.0), "km/h": (1 / 3.6, 0.0), "mm/s": (1e-3, 0.0), "mph": (0.44704, 0.0)},
     "rpm": {"rpm": (1.0, 0.0), "1/s": (60.0, 0.0), "rad/s": (9.549297, 0.0)},
     "deg": {"deg": (1.0, 0.0), "rad": (57.29578, 0.0), "%": (0.5729578, 0.0)},
@@ -26,6 +27,12 @@ UNITS: Final[dict[str, dict[str, tuple[float, float]]]] = {
     "bar": {"bar": (1.0, 0.0), "kPa": (0.01, 0.0), "psi": (0.0689476, 0.0)},
 }
 """Units of a file by the unit of the signal: scale and offset."""
+SPELT: Final = {
+    "pct": "%", "percent": "%", "mps": "m/s", "kmh": "km/h", "kph": "km/h", "mmps": "mm/s", "rps": "1/s", "hz": "1/s",
+    "amps": "A", "radps": "rad/s", "c": "degC", "f": "degF",
+} | {unit.lower(): unit for units in UNITS.values() for unit in units}  # fmt: skip
+"""Units by how the last word of a column's name spells them."""
+BY_SIZE: Final = ("%", "share")  # of a table's current: its reader sees which, and says so
 AS_IT_IS: Final = "leave as it is"
 AS_SET: Final = "as set"  # scale and offset of the settings, which are those of no unit here
 SAME: Final = 1e-4  # relative: 0.277778 is 1 / 3.6
@@ -74,13 +81,17 @@ def _choice(name: str, meanings: list[str], value: str, in_unit: str) -> tuple[A
     """The two fields of one column."""
     with ui.element("td").classes("words"):
         meaning = ui.select([AS_IT_IS, *meanings], value=value)
-        meaning.props(f'outlined dense options-dense aria-label="meaning of {name}"').style("width:240px")
+        labelled(meaning.props("outlined dense options-dense").style("width:240px"), f"meaning of {name}")
     with ui.element("td").classes("words"):
         units = _units(value)
         units = [*units, AS_SET] if in_unit == AS_SET else units
         unit = ui.select(units, value=in_unit if in_unit in units else units[0])
-        unit.props(f'outlined dense options-dense aria-label="unit of {name}"').style("width:110px")
-        meaning.on_value_change(lambda event: unit.set_options(_units(event.value), value=_units(event.value)[0]))
+        labelled(unit.props("outlined dense options-dense").style("width:110px"), f"unit of {name}")
+        meaning.on_value_change(
+            lambda event: unit.set_options(
+                _units(event.value), value=_spelt(name, event.value) or _units(event.value)[0]
+            )
+        )
     return meaning, unit
 
 
@@ -92,16 +103,23 @@ def known(reading: ReadingSettings, names: list[str], meanings: list[str]) -> di
         said = reading.columns.get(name)
         meaning = roles.get(name) or (said.signal if said is not None else None)
         if meaning in meanings:
-            found[name] = meaning, _unit_by(meaning, said)
+            found[name] = meaning, _unit_by(name, meaning, said)
     taken = {meaning for meaning, _ in found.values()}
     rest = guessed([name for name in names if name not in found], [one for one in meanings if one not in taken])
-    return found | {name: (meaning, _units(meaning)[0]) for name, meaning in rest.items()}
+    return found | {name: (meaning, _spelt(name, meaning) or _units(meaning)[0]) for name, meaning in rest.items()}
 
 
-def _unit_by(meaning: str, said: ColumnSettings | None) -> str:
-    """The unit that has this scale and offset."""
+def _spelt(name: str, meaning: str) -> str:
+    """The unit in which the last word of a name says that a column is; empty where it says none that can be."""
+    *before, last = re.split(r"[\s_.(\[]+", name.lower().rstrip(")] "))
+    unit = SPELT.get(last, "") if before else ""
+    return unit if unit in _units(meaning) else ""
+
+
+def _unit_by(name: str, meaning: str, said: ColumnSettings | None) -> str:
+    """The unit that has this scale and offset; where none was said, that of the name."""
     if said is None:
-        return _units(meaning)[0]
+        return _spelt(name, meaning) or (AS_SET if meaning == INPUT else _units(meaning)[0])
     units = UNITS.get(_unit_of(meaning), {_units(meaning)[0]: (1.0, 0.0)})
     for unit, (scale, offset) in units.items():
         if math.isclose(scale, said.scale, rel_tol=SAME) and math.isclose(offset, said.offset, rel_tol=SAME):
@@ -124,8 +142,12 @@ def reading_of(usual: ReadingSettings, meant: dict[str, tuple[str, str]]) -> Rea
     for meaning, column in named.items():
         unit, said = meant[column][1], usual.columns.get(column)
         scale, offset = UNITS.get(_unit_of(meaning), {}).get(unit, (1.0, 0.0))
+        if (unit == AS_SET and said is None) or (meaning == INPUT and unit in BY_SIZE and TIME in named):
+            continue
         if unit == AS_SET and said is not None:
             scale, offset = said.scale, said.offset
+        if column == meaning and (scale, offset) == (1.0, 0.0):
+            continue
         settings[column] = ColumnSettings(
             signal=None if meaning in (TIME, INPUT, OUTPUT) else meaning, scale=scale, offset=offset
         )

@@ -103,7 +103,7 @@ def _verdict(page: Page, found: Diagnosed) -> None:
     if found.verdict == "nothing":
         with card("What could have hidden"):
             ui.label(
-                f"An effect that moves the speed {found.question.horizon_s:g} s ahead by less than "
+                f"An effect that moves the speed {found.horizon_s:g} s ahead by less than "
                 f"{speed(found.hidden_mps)} m/s RMS would not have been named. The candidates below came nearest; none "
                 "is to be believed."
             ).classes("measure")
@@ -246,7 +246,8 @@ def _card(page: Page, found: Diagnosed, one: Card, place: int) -> None:
                 page.go("/add")
 
             look = "unelevated no-caps" if one.worth_adding else "outline no-caps"
-            button = ui.button(f"Add {one.effect}", on_click=add).props(f'{look} data-add="{one.effect}"')
+            button = ui.button(f"Add {one.effect}", on_click=add).props(look)
+            button.props["data-add"] = one.effect
             button.set_enabled(not page.session.busy)
             if not one.chosen and found.verdict != "ambiguous":
                 ui.label("The evidence does not ask for it.").classes("quiet small")

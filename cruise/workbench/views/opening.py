@@ -119,8 +119,7 @@ def _model(page: Page) -> None:
                     replace(
                         session.steps[0].question,
                         model=str(model.value),
-                        horizon_s=float(horizon.value or 3.0),
-                        period_s=None,
+                        horizon_s=float(horizon.value or 0.0),
                     )
                 )
                 page.refresh()

@@ -27,7 +27,7 @@ def timeline(page: Page, compact: bool = False, marks: Sequence[Mark] = ()) -> T
     band = None
     if curves is not None:
         at_s, ahead = _one(curves, session.recording)
-        horizon = f"{step.question.horizon_s:g} s ahead" if step else ""
+        horizon = f"{curves.horizon_s:g} s ahead"
         if session.free_run:
             speeds.append(
                 Line("model, free run", at_s, curves.free_run_mps[session.recording], colors.free, 1.2, "dot")
@@ -36,7 +36,9 @@ def timeline(page: Page, compact: bool = False, marks: Sequence[Mark] = ()) -> T
         other = session.steps[session.other] if session.other is not None else None
         if other is not None and other.curves is not None and other is not step:
             before_s, before = _one(other.curves, session.recording)
-            speeds.append(Line(f"{other.name}, {horizon}", before_s, before, colors.other, 1.3, "dash"))
+            speeds.append(
+                Line(f"{other.name}, {other.curves.horizon_s:g} s ahead", before_s, before, colors.other, 1.3, "dash")
+            )
             errors.insert(
                 0,
                 Line(f"error of {other.name}", before_s, other.curves.errors_mps[session.recording], colors.other, 1.2),

@@ -84,9 +84,8 @@ def best_unnamed(found: Diagnosis) -> Tried | None:
 def floor_of(found: Diagnosis, native: Sequence[Recording]) -> NoiseFloor:
     """The noise floor `horizon_s` ahead, from the recordings as measured and what the best fit predicts, held out."""
     study, scene = found.study, found.study.search.scene
-    horizon = max(round(study.horizon_s / study.period_s), 1)
     predicted_mps = scene.speed_mps - found.final.error_mps
-    return noise_floor(native, study.recordings, [predicted_mps[part] for part in scene.parts], horizon)
+    return noise_floor(native, study.recordings, [predicted_mps[part] for part in scene.parts], study.horizon)
 
 
 @dataclass(frozen=True)

@@ -124,8 +124,7 @@ def add(study: Study, effect: str | Custom, show: Show = lambda text: None) -> A
             f"{undefined[0]} was fitted to where it is not a number in every sample; give it narrower bounds"
         )
     show("judging")
-    horizon = max(round(study.horizon_s / study.period_s), 1)
-    without_mps, with_mps = (_ahead(study, one, horizon) for one in (base, after))
+    without_mps, with_mps = (_ahead(study, one) for one in (base, after))
     measured = search.scene.speed_mps
     errors = np.array([measured - without_mps, measured - with_mps])
     both = np.isfinite(errors).all(axis=0)
@@ -138,9 +137,8 @@ def add(study: Study, effect: str | Custom, show: Show = lambda text: None) -> A
 
 def floor(study: Study, native: Sequence[Recording], added: Added) -> NoiseFloor:
     """The noise floor of the recordings, `native` as they were measured, seen from the model with the effect."""
-    horizon = max(round(study.horizon_s / study.period_s), 1)
     predicted = [added.predicted_mps[part] for part in study.search.scene.parts]
-    return noise_floor(native, study.recordings, predicted, horizon)
+    return noise_floor(native, study.recordings, predicted, study.horizon)
 
 
 def physical(explanation: Explanation) -> PhysicalCore:
@@ -209,8 +207,8 @@ def _loss(one: Judged) -> float:
     return one.loss
 
 
-def _ahead(study: Study, judged: Judged, horizon: int) -> np.ndarray:
-    """Speeds (N,) of the discrete model `horizon` samples ahead, every one by the fold that has not seen it."""
+def _ahead(study: Study, judged: Judged) -> np.ndarray:
+    """Speeds (N,) of the discrete model at the study's horizon, every one by the fold that has not seen it."""
     search, scene = study.search, study.search.scene
     result = np.full(len(scene), math.nan)
     for fold, vector in enumerate(judged.folds):
@@ -218,7 +216,7 @@ def _ahead(study: Study, judged: Judged, horizon: int) -> np.ndarray:
         for part, recording in zip(scene.parts, scene.recordings, strict=True):
             signals = {name: scene.signals[name][part] for name in model.uses if name in scene.signals}
             with np.errstate(over="ignore", invalid="ignore"):
-                speed = prediction.ahead(model, recording.input, recording.output, signals, horizon)
+                speed = prediction.ahead(model, recording.input, recording.output, signals, study.horizon)
             mine = search.blocks[part] % FOLDS == fold
             result[part][mine] = speed[mine]
     return result

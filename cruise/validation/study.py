@@ -42,12 +42,17 @@ class Study:
     recordings: tuple[Recording, ...]
     search: Search
     base: Judged
-    horizon_s: float
+    horizon_s: float  # in whole periods
     delay_s: float  # of the model that was given
 
     @property
     def period_s(self) -> float:
         return self.search.scene.period_s
+
+    @property
+    def horizon(self) -> int:
+        """Samples that it looks ahead."""
+        return round(self.horizon_s / self.period_s)
 
 
 def study(
@@ -71,6 +76,7 @@ def study(
     effects: tuple[Effect, ...] = file.effects if file else tuple(EFFECTS[name]() for name in structure.effects)
     recordings = complete(recordings, {*further, *(name for effect in effects for name in effect.needs)})
     prepared = at_period(recordings, period_s)
+    horizon_s = round(max(round(horizon_s / period_s), 1) * period_s, 9)
     for effect in effects:
         reason = why_not(type(effect), prepared) if effect.name in EFFECTS else ""
         if reason and "never moves" not in reason:

@@ -135,9 +135,8 @@ def diagnosed(recordings: Sequence[Recording], question: Question, show: Show) -
         )
     core = files.read(question.model).core if start is not None else None
     period_s = _period_s(start)
-    horizon_s = _whole(question.horizon_s, period_s)
     begun = ladder.begin(
-        recordings, structure, start, core, period_s, horizon_s, lambda text: show(text), at_their_rate=True
+        recordings, structure, start, core, period_s, question.horizon_s, lambda text: show(text), at_their_rate=True
     )
     found = search(begun, lambda text: show(text))
     show("looking for the noise floor")
@@ -148,7 +147,7 @@ def diagnosed(recordings: Sequence[Recording], question: Question, show: Show) -
     final = found.final if found.explained else (first[0].judged if first else found.final)
     before = evidence.error_mps(found.base)
     return Diagnosed(
-        horizon_s=horizon_s,
+        horizon_s=begun.horizon_s,
         verdict=found.verdict.value,
         explained=found.explained,
         effects=found.effects,
@@ -182,9 +181,8 @@ def added(
     period_s = _period_s(start)
     core = file.core if file is not None else None
     wanted = effect if isinstance(effect, str) else term(effect)
-    horizon_s = _whole(question.horizon_s, period_s)
     study = ladder.begin(
-        recordings, structure, start, core, period_s, horizon_s, lambda text: show(text), wanted=wanted
+        recordings, structure, start, core, period_s, question.horizon_s, lambda text: show(text), wanted=wanted
     )
     one = ladder.add(study, wanted, lambda text: show(text))
     show("looking for the noise floor")
@@ -215,11 +213,6 @@ def meant(question: Question) -> tuple[Structure, Model | None]:
 def _period_s(start: Model | None) -> float:
     """The model file's period, else the usual one."""
     return PreparationSettings().period_s if start is None else start.period_s
-
-
-def _whole(horizon_s: float, period_s: float) -> float:
-    """The horizon in whole periods, as it is judged."""
-    return round(max(round(horizon_s / period_s), 1) * period_s, 9)
 
 
 def term(written: CustomTerm) -> Custom:

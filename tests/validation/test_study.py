@@ -36,6 +36,12 @@ def changed(one: Recording, **columns: np.ndarray) -> Recording:
     return Recording(one.time_s, {**one.columns, **columns}, one.dt_s, one.source)
 
 
+@pytest.mark.parametrize(("asked_s", "judged_s", "samples"), [(3.0, 3.0, 15), (2.5, 2.4, 12), (0.05, 0.2, 1)])
+def test_the_horizon_is_that_of_whole_periods(asked_s, judged_s, samples):
+    found = study([drive(120.0)], PLAIN, None, PERIOD_S, asked_s)
+    assert (found.horizon_s, found.horizon) == (judged_s, samples)
+
+
 # -- what is in the way
 
 

@@ -152,5 +152,7 @@ class Estimator:
             stable = abs(a[0]) <= settings.pole_max
         else:
             stable = model.na == 0 or bool(np.abs(np.roots([1.0, *(-v for v in a)])).max() <= settings.pole_max)
+        if not stable:
+            return False
         relative = sum(b) / (1.0 - sum(a)) / self._factory_gain
-        return stable and 1.0 / settings.gain_range <= relative <= settings.gain_range
+        return 1.0 / settings.gain_range <= relative <= settings.gain_range

@@ -125,6 +125,12 @@ class Supervisor:
             shadow.restart()
         self._begin(self._learned)
 
+    def forget(self) -> None:
+        """Begin anew with the factory's model."""
+        self._driving = self._last = self._factory
+        self._learned = self._factory
+        self.restart()
+
     def step(self, before: ModelState, sample: Sample, learned: Callable[[], Model]) -> Decision | None:
         """One sample on; `before` is the state once its current was applied and before its speed was observed.
 

@@ -127,7 +127,7 @@ class CruiseNode:
         if self.canopen is not None:
             for reading in self.canopen.receive(frame):
                 if by_canopen:
-                    self.hearing.latest[reading.name] = (reading.time_s, reading.value)
+                    self.hearing.take_word(reading)
             answers = self.canopen.answers()
         ignored = _ASKED if by_canopen else ()
         for reading in self.hearing.take(frame, ignored):

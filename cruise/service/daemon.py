@@ -172,12 +172,13 @@ class Daemon:
             raise SettingsError("nothing is kept here; add the section persistence to the settings")
         self._keeper.settings = dict(self.changes)
         written = self.chronicle.keep().wait(STORED_S)
+        self.node.pace.restart()  # the disk had the program's turn, while nothing drove
         if not written or self._keeper.problem:
             raise SettingsError(self._keeper.problem or "the disk is slow; try again")
 
     def _restore(self) -> None:
         """Back to the factory's model and the file's settings, now and after a restart."""
-        self.node.estimator.forget()
+        self.node.learning.forget()
         changed, self.changes = bool(self.changes), {}
         if changed:
             self._ask_for_reload()

@@ -80,6 +80,12 @@ class Hearing:
                 kept.append(reading)
         return kept
 
+    def take_word(self, reading: Reading) -> None:
+        """Take one reading of the operator's in that came another way (CANopen)."""
+        self.latest[reading.name] = (reading.time_s, reading.value)
+        if reading.name == SETPOINT:
+            self._hear_word(reading)
+
     def value(self, name: str, now_s: float) -> float:
         """The newest value of a signal; NaN where it is stale or was not measured."""
         time_s, value = self.latest.get(name, (-math.inf, math.nan))

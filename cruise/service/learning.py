@@ -27,6 +27,12 @@ class Learning:
         self.estimator = Estimator(factory, estimator)
         self.supervisor = Supervisor(factory, supervision, Proof(controller.settings, proof))
 
+    def forget(self) -> None:
+        """Back to the factory's model: what is learned, what drives, what it is compared with."""
+        self.estimator.forget()
+        self.supervisor.forget()
+        self.controller.adopt(self.supervisor.driving)
+
     def learn(self, sample: Sample) -> Learned:
         """One sample of the model's period."""
         learned, before = self.estimator.learn(sample), self.estimator.applied

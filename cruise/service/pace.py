@@ -30,6 +30,10 @@ class Pace:
         self.mean_s += SHARE * (passed_s - self.mean_s)
         return 0.0 < passed_s <= max(PAUSE_S, PERIODS * self.period_s)
 
+    def restart(self) -> None:
+        """Begin anew after a pause of the program's own."""
+        self.last_s = math.nan
+
     @property
     def slowness(self) -> float:
         """Mean time between two ticks over the period."""

@@ -144,3 +144,19 @@ def test_a_knob_that_wavers_does_not_take_back_what_a_button_said(press):
 def test_every_row_of_the_table_names_a_condition_that_exists():
     conditions = Engagement(EngagementSettings())._conditions(READY, None)
     assert {row.condition for row in TRANSITIONS} == set(conditions)
+
+
+@pytest.mark.parametrize("gear", [1.0, 3.0])
+def test_a_gear_that_changes_ends_the_drive_upwards_and_downwards(gear):
+    engagement = engaged()
+    assert engagement.step(replace(READY, gear=gear)) is State.STANDBY
+
+
+def test_reverse_is_no_gear_to_drive_in_even_where_gears_may_change_under_way():
+    settings = EngagementSettings(shifts_under_way=True)
+    engagement = Engagement(settings)
+    for situation in (READY, READY, replace(READY, set=True), READY):
+        engagement.step(situation)
+    assert engagement.state.controls
+    assert engagement.step(replace(READY, gear=3.0)).controls
+    assert engagement.step(replace(READY, gear=-1.0)) is State.STANDBY

@@ -53,3 +53,16 @@ def test_another_setpoint_or_step_on_the_way_is_followed_at_once():
     assert [twice.step(0.5, 0.05) for _ in range(20)] == [once.step(0.5, 0.05) for _ in range(20)]
     twice.preview(0.5, 0.05, 60)
     assert twice.step(0.5, 0.1) == once.step(0.5, 0.1)
+
+
+def test_a_new_drive_begins_anew_whatever_the_last_one_was_about_to_do():
+    """At the same setpoint: neither the way that was looked at nor the acceleration is left."""
+    used, fresh = Reference(SETTINGS), Reference(SETTINGS)
+    used.reset(0.0)
+    for _ in range(20):
+        used.step(2.0, 0.05)
+        used.preview(2.0, 0.05, 60)
+    for one in (used, fresh):
+        one.reset(0.5)
+    assert [used.step(2.0, 0.05) for _ in range(40)] == [fresh.step(2.0, 0.05) for _ in range(40)]
+    assert used.preview(2.0, 0.05, 60) == fresh.preview(2.0, 0.05, 60)

@@ -5,6 +5,7 @@ import socket
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 from msgspec import structs
 
@@ -14,13 +15,14 @@ from cruise.can.error_frames import BusHealth
 from cruise.can.settings import CanSettings
 from cruise.cli.places import CONFIG
 from cruise.control.engagement import State
+from cruise.estimation.shadow import Shadow
 from cruise.estimation.supervision import Change, Decision
 from cruise.model import files
 from cruise.model.files import Provenance
 from cruise.service import settings as service_settings
 from cruise.service.daemon import Daemon
 from cruise.service.notify import Notifier
-from cruise.service.persistence import PersistenceSettings
+from cruise.service.persistence import Kept, PersistenceSettings
 from cruise.service.settings import CruiseSettings
 from cruise.settings import SettingsError
 
@@ -103,6 +105,39 @@ def test_what_could_not_be_stored_is_no_success(settings: CruiseSettings, tmp_pa
     (tmp_path / "kept" / "state.new").symlink_to("/dev/full")
     with pytest.raises(SettingsError, match="No space left on device"):
         daemon._store()
+    run(daemon, 2)
+
+
+def test_a_disk_that_is_slow_while_nothing_drives_is_no_pause(settings: CruiseSettings, monkeypatch):
+    daemon = Daemon(settings, Notifier.of({}), print)
+    assert daemon._keeper is not None
+    write = daemon._keeper._file.write
+
+    def slowly(kept: Kept) -> None:
+        time.sleep(0.17)  # more than the drive would wait
+        write(kept)
+
+    monkeypatch.setattr(daemon._keeper._file, "write", slowly)
+    assert daemon.node.pace.tick(1.0)
+    daemon._store()
+    assert daemon.node.pace.tick(1.0 + 0.17)
+    assert not daemon.node.pace.tick(1.0 + 0.17 + 0.2)
+    run(daemon, 2)
+
+
+def test_back_to_the_factorys_model_is_what_drives_too(settings: CruiseSettings):
+    daemon = Daemon(settings, Notifier.of({}), print)
+    node = daemon.node
+    factory = node.estimator.factory
+    learned = factory.with_theta(tuple(1.02 * value for value in factory.theta))
+    node.estimator.rls.theta = np.array(learned.theta)
+    node.supervisor._driving = node.supervisor._learned = Shadow(learned, node.supervisor._horizon)
+    node.controller.adopt(learned)
+    daemon._restore()
+    assert node.supervisor.driving is factory
+    assert node.controller.adopted is factory
+    assert node.estimator.snapshot().theta == pytest.approx(factory.theta)
+    assert node.estimator.rls.prior == pytest.approx(factory.theta)
     run(daemon, 2)
 
 

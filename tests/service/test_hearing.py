@@ -8,6 +8,7 @@ import pytest
 
 from cruise.sampling import SamplingSettings
 from cruise.service.hearing import RADAR, Hearing
+from cruise.signals import Reading
 from tests.service.drive import codec
 
 FRAME_S = 0.05
@@ -88,10 +89,11 @@ def test_a_second_sender_shows_in_the_rate_and_a_late_burst_does_not():
     ],
 )
 def test_a_setpoint_that_goes_back_and_forth_is_counted(words, times):
-    ears, sender = hearing(), codec()
+    ears, canopen, sender = hearing(), hearing(), codec()
     for k, word in enumerate(words):
         ears.take(sender.encode("MachineSelectedSpeedCommand", {"setpoint_mps": word}, 0.1 * k))
-    assert ears.wavering(0.1 * len(words)) == times
+        canopen.take_word(Reading("setpoint_mps", 0.1 * k, word))
+    assert ears.wavering(0.1 * len(words)) == canopen.wavering(0.1 * len(words)) == times
     assert ears.wavering(5.0) == 0
 
 

@@ -22,7 +22,7 @@ from cruise.model.files import Provenance
 from cruise.service import settings as service_settings
 from cruise.service.daemon import Daemon
 from cruise.service.notify import Notifier
-from cruise.service.persistence import Kept, PersistenceSettings
+from cruise.service.persistence import PersistenceSettings
 from cruise.service.settings import CruiseSettings
 from cruise.settings import SettingsError
 
@@ -109,19 +109,12 @@ def test_what_could_not_be_stored_is_no_success(settings: CruiseSettings, tmp_pa
 
 
 def test_a_disk_that_is_slow_while_nothing_drives_is_no_pause(settings: CruiseSettings, monkeypatch):
+    monkeypatch.setattr("cruise.service.daemon.STORED_S", 60.0)
     daemon = Daemon(settings, Notifier.of({}), print)
-    assert daemon._keeper is not None
-    write = daemon._keeper._file.write
-
-    def slowly(kept: Kept) -> None:
-        time.sleep(0.17)  # more than the drive would wait
-        write(kept)
-
-    monkeypatch.setattr(daemon._keeper._file, "write", slowly)
     assert daemon.node.pace.tick(1.0)
     daemon._store()
-    assert daemon.node.pace.tick(1.0 + 0.17)
-    assert not daemon.node.pace.tick(1.0 + 0.17 + 0.2)
+    assert daemon.node.pace.tick(1.17), "more than the drive would wait"
+    assert not daemon.node.pace.tick(1.37)
     run(daemon, 2)
 
 

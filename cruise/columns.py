@@ -151,10 +151,8 @@ def _roles(where: str, names: Collection[str], settings: RecordingSettings, want
         _require(role, name, where, names)
     if len(set(found)) < len(found):
         raise RecordingError(f"{where}: one column cannot be both input and output, or time; choose three")
-    if role_of_time := set(_gate_columns(settings)) & set(found[: len(wanted) - 2]):
-        raise RecordingError(
-            f"{where}: active_when: {role_of_time.pop()!r} is the time, and no flag; choose another column"
-        )
+    if "time" in roles and found[0] in _gate_columns(settings):
+        raise RecordingError(f"{where}: active_when: {found[0]!r} is the time, and no flag; choose another column")
     for role, others in (("columns", settings.columns), ("active_when", _gate_columns(settings))):
         for name in others:
             _require(role, name, where, names)

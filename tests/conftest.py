@@ -1,10 +1,16 @@
-"""What all tests share: reproducible examples, and where the measured drives are."""
+"""What all tests share: reproducible examples, the whole command line, and where the measured drives are."""
 
 import os
+import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import hypothesis
 import pytest
+
+from cruise import cli
+
+Run = Callable[..., tuple[int, str, str]]
 
 # The same examples in every run; no deadline, since a loaded machine is not a fault of the code.
 hypothesis.settings.register_profile("cruise", derandomize=True, deadline=None, print_blob=False)
@@ -20,3 +26,19 @@ def dart() -> Path:
     folder = Path(data) / "dart"
     assert folder.is_dir(), f"CRUISE_DATA={data} holds no folder dart"
     return folder
+
+
+@pytest.fixture
+def verb(monkeypatch, capsys, tmp_path) -> Run:
+    """Run one command line in a folder of its own; returns its exit code and what it printed on both streams."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "80")
+
+    def run(*words: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["cruise", *(str(word) for word in words)])
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        printed = capsys.readouterr()
+        return int(ended.value.code or 0), printed.out, printed.err
+
+    return run

@@ -287,6 +287,8 @@ class Controller:
         speed_mps = self.observer.speed_mps
         believed_mps2 = self.observer.calm * self.trend.rate_mps2(speed_mps)
         regains = self.power.regains(self.signals.get("engine_speed_rpm", math.nan))
+        if regains is None:
+            return believed_mps2
         return min(believed_mps2, regains * abs(speed_mps) / self.settings.predictive.believed_s)
 
     def _plan(self, state: ModelState, setpoint_mps: float, gently: bool) -> None:

@@ -1,7 +1,7 @@
 """Engine and drive at their limits: rather slower than stalled.
 
     c_(k+1) = c_k - a T   while load > HIGH and n < s n_0, from the present speed on;   + b T   while load < LOW
-    r' = min(r n / (s' n_0), c)   while load > HIGH
+    r' = min(r n / (s' n_0), c)   from load > HIGH until load < LOW
 
 r setpoint, r' the one that is driven, c highest setpoint in m/s, a and b rates in m/s2, T frame in s, load the engine's
 own figure in percent of the torque available at its speed, through a lag that begins near LOW (one that begins at idle
@@ -51,14 +51,13 @@ class PowerGuard:
         self.settings = settings
         self.frame_s = frame_s
         self.share = 1.0 - math.exp(-frame_s / settings.lag_s)
-        self.load_pct = math.nan
-        self.unloaded_rpm = math.nan
-        self.spent = self.lugging = False
-        self.carried = 1.0  # of the setpoint
         self.restart()
 
     def restart(self) -> None:
-        """Nothing gives way."""
+        """Nothing is known, and nothing gives way: what the last drive met is over."""
+        self.load_pct = self.unloaded_rpm = math.nan
+        self.spent = self.lugging = False
+        self.carried = 1.0  # of the setpoint
         self.cap_mps = math.inf
 
     @property
@@ -66,10 +65,10 @@ class PowerGuard:
         """Whether the setpoint gives way."""
         return self.spent or self.carried < 1.0 or math.isfinite(self.cap_mps)
 
-    def regains(self, engine_rpm: float) -> float:
-        """ln(n_0 / n), by which an engine that is loaded may become faster once the load goes; else infinite."""
+    def regains(self, engine_rpm: float) -> float | None:
+        """ln(n_0 / n), by which an engine that is loaded may become faster once the load goes; None for any other."""
         if not math.isfinite(self.cap_mps) or not self.unloaded_rpm > 0.0 or not engine_rpm > 0.0:
-            return math.inf
+            return None
         return max(math.log(self.unloaded_rpm / engine_rpm), 0.0)
 
     def step(

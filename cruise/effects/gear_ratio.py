@@ -99,7 +99,8 @@ class GearRatio(Effect):
         now = self.ratio(signals["gear"])
         if self.shift_s > 0.0:
             return Effect.over(self, values, past_speeds, signals, dt_s)
-        return values * now, (held_over(now), held_over(now))
+        held = held_over(now)
+        return values * now, (held, held)
 
     def yielding(self, signals: Signals) -> Value:
         """g^e, 1 where nothing is driven."""

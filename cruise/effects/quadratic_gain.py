@@ -21,6 +21,7 @@ from cruise.signals import Signals
 REFERENCE_MA: Final = 1000.0  # mA, makes the curvature a number of order one
 EDGE: Final = 0.01  # e: 10 mA, an infinite slope at no current is no machine's
 NEWTON: Final = 8  # steps of the inverse of the power, each of which doubles the digits
+SMALLEST_MA: Final = 1e-100  # no logarithm of less is sure to be one
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +69,7 @@ class QuadraticGain(Effect):
 
     def _rooted(self, value: float) -> float:
         """u for v, by Newton's method in the logarithms of both, in which v is nearly a straight line of u."""
-        if self.exponent == 1.0 or value == 0.0:
+        if self.exponent == 1.0 or abs(value) < SMALLEST_MA:
             return value
         wanted, share = abs(value) / REFERENCE_MA, (abs(value) / REFERENCE_MA) ** (1.0 / max(self.exponent, 1.0))
         for _ in range(NEWTON):

@@ -7,8 +7,9 @@ From below, the white part of the measured speed. What is white in it nobody pre
 S(f) in m2/s2/Hz is the spectrum of the speed without what the current explains (a distributed lag of the current and
 of two hinges of it, which follow a curved drive). Inertia keeps drive and soil out of the highest frequencies, so that
 the level there is the sensor's. It counts only where it is flat: a spectrum that still falls at its end bounds white
-noise from above, and then there is no bound from below. Sensor noise that is coloured counts with its white part only:
-the bound is then low, never wrong.
+noise from above, and then there is no bound from below. Nor is there one where a model leaves less: the drive is then
+as fast as the samples, and its own motion fills the spectrum. Sensor noise that is coloured counts with its white part
+only: the bound is then low, never wrong.
 
 From above, what a flexible model leaves (ridge regression, then gradient boosting) that was given everything: the
 model's prediction, the current on the way, every recorded signal that can be a cause, and speed and errors as known at

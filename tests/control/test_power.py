@@ -78,11 +78,11 @@ def test_a_load_that_comes_at_once_is_met_before_the_engine_has_lost_a_fifth_of_
 def test_an_engine_that_is_freed_gets_its_own_speed_back_and_no_more():
     guard = PowerGuard(PowerSettings(), FRAME_S)
     run(guard, 40.0, 3.0, 2100.0)
-    assert guard.regains(1900.0) == math.inf
+    assert guard.regains(1900.0) is None
     run(guard, 99.5, 3.0, 1600.0)
     assert guard.regains(1600.0) == pytest.approx(math.log(2100.0 / 1600.0))
     assert guard.regains(2150.0) == 0.0
-    assert guard.regains(math.nan) == math.inf
+    assert guard.regains(math.nan) is None
 
 
 def test_an_engine_that_is_throttled_back_is_not_lugged():
@@ -111,3 +111,13 @@ def test_an_open_relief_valve_holds_the_setpoint_at_the_speed_until_there_is_for
     assert not guard.limiting
     run(guard, 50.0, 1.0, bar=400.0)
     assert run(guard, 50.0, 1.0) == 1.6
+
+
+def test_what_the_last_drive_met_is_over_at_the_next():
+    guard = PowerGuard(PowerSettings(), FRAME_S)
+    run(guard, 80.0, 2.0)
+    assert run(guard, 105.0, 3.0, 1700.0) < 1.5
+    guard.restart()
+    assert not guard.limiting
+    assert run(guard, 50.0, FRAME_S, 1700.0) == 1.6
+    assert run(guard, 99.5, 3.0, 1690.0) == 1.6, "throttled back meanwhile: it lugs from here"

@@ -238,6 +238,8 @@ COMMAND = sorted(name for name, kind in EFFECTS.items() if kind.stage is Stage.C
 @pytest.mark.parametrize("name", COMMAND)
 @given(current_ma=st.floats(-1200, 1200), share=st.floats(0, 1))
 @example(current_ma=478.0, share=0.012)  # rounded to just beyond the stop
+@example(current_ma=5e-324, share=0.0)  # nothing is left of it once it is divided
+@example(current_ma=-1e-300, share=1.0)
 def test_the_inverse_undoes_the_effect(name, current_ma, share):
     bounds = EFFECTS[name].parameters
     effect = EFFECTS[name](**{key: bound.low + share * (bound.high - bound.low) for key, bound in bounds.items()})

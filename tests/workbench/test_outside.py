@@ -11,7 +11,6 @@ pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 
 from cruise.cli.workbench import _authority
 from cruise.workbench.guard import cookie_of
-from tests.cli.conftest import verb  # noqa: F401
 from tools.page.served import served
 
 TOKEN = "a token+of/the=test"
@@ -37,7 +36,7 @@ def test_bound_to_every_address_it_asks_everybody_for_the_token(cache, tmp_path,
 
 
 @pytest.mark.parametrize("horizon", ["nan", "-1", "0"])
-def test_a_horizon_that_is_no_time_is_refused(verb, horizon):  # noqa: F811
+def test_a_horizon_that_is_no_time_is_refused(verb, horizon):
     code, _, said = verb("workbench", "--no-browser", "--horizon", horizon)
     assert code != 0
     assert "give a time in s above 0" in " ".join(said.split())

@@ -12,7 +12,6 @@ from pyarrow import parquet
 
 from cruise.recording import Recording
 from cruise.signals import INPUT, OUTPUT
-from tests.cli.conftest import verb  # noqa: F401  # the command line, for comparison
 from tests.workbench.conftest import laid_out
 
 PREDICTED = "model, 3 s ahead"
@@ -37,7 +36,7 @@ def idle(page) -> None:
     page.locator(".dock").wait_for(state="hidden")
 
 
-def test_from_a_recording_to_a_better_model(visit, cache, tmp_path, verb):  # noqa: F811
+def test_from_a_recording_to_a_better_model(visit, cache, tmp_path, verb):
     page = visit()
     open_example(page, "sometimes-slow")
     before = error_of(page)

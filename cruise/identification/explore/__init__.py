@@ -6,7 +6,8 @@ from cruise.identification.explore.exploration import ANALYSES, Exploration, exp
 from cruise.identification.explore.frequency_response import Bump, Cutoff, FrequencyResponse, frequency_response
 from cruise.identification.explore.pieces import Estimate, NotPossible
 from cruise.identification.explore.quality import Feedback, Jitter, Noise, Quality, Stuck, feedback, jitter, quality
-from cruise.identification.explore.static_curve import Ramp, StaticCurve, ramps, static_curve
+from cruise.identification.explore.ramps import Ramp, ramps
+from cruise.identification.explore.static_curve import StaticCurve, static_curve
 
 __all__ = [
     "ANALYSES",

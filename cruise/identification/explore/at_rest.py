@@ -5,7 +5,7 @@
 K gain [m/s per mA], T dead time that is left after the alignment [s], tau a lag [s], w natural frequency [rad/s], zeta
 damping [-]. A slow drive's gain and phase are curved at the lowest frequencies that a window resolves, so that the mean
 gain and the slope of the phase there are neither the level nor the lag of slow changes: for one lag of 0.5 s behind
-windows of 20 s they are 6 % and a tenth of a second too small. Fitted as complex numbers, so that no phase has to be
+windows of 20 s they are 6 % and 0.06 s too small. Fitted as complex numbers, so that no phase has to be
 unwrapped; bins above twice the fitted drive's own cut-off are left out, where other dynamics rule.
 
 Source: R. Pintelon, J. Schoukens, System Identification: A Frequency Domain Approach, 2nd ed. 2012, section 9.2

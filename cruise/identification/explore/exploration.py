@@ -13,7 +13,8 @@ from cruise.identification.explore.excitation import Excitation, excitation
 from cruise.identification.explore.frequency_response import FrequencyResponse, frequency_response
 from cruise.identification.explore.pieces import NotPossible
 from cruise.identification.explore.quality import Quality, quality
-from cruise.identification.explore.static_curve import StaticCurve, ramps, static_curve
+from cruise.identification.explore.ramps import ramps
+from cruise.identification.explore.static_curve import StaticCurve, static_curve
 from cruise.recording import Recording, RecordingError
 from cruise.sampling import FloatArray
 

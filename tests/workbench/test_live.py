@@ -123,8 +123,11 @@ def test_from_watching_straight_into_a_diagnosis(visit):
     diagnose.wait_for(timeout=120_000)
     page.wait_for_function("!document.querySelector('.q-btn[disabled]')?.innerText?.includes('Diagnose')")
     diagnose.click()
-    page.locator("[data-verdict]").wait_for(timeout=1_200_000)
+    page.locator(".chip").first.wait_for(timeout=300_000)  # read, compared, the search has begun
     page.locator("nav").get_by_text("the last 15 minutes").wait_for()
+    page.get_by_role("button", name="Stop", exact=True).click()
+    page.get_by_role("button", name="What is missing?").wait_for()
     go(page, "Live")
     page.get_by_role("button", name="Stop watching").click()
     page.get_by_role("button", name="Forget it").click()
+    page.get_by_role("button", name="Watch the combine").wait_for()

@@ -1,10 +1,15 @@
-"""Long work in a process of its own: it says what it does, hands over what is there already, and can be stopped."""
+"""Long work in a process of its own: it says what it does, hands over what is there already, and can be stopped.
 
+It works on all cores where it can, so it is no daemon, which may have no children; still it ends with the server.
+"""
+
+import atexit
 import multiprocessing
 import os
 import traceback
 from collections.abc import Callable, Sequence
-from multiprocessing import forkserver
+from multiprocessing import connection, forkserver
+from threading import Thread
 from typing import Any, Final
 
 SAID, PART, DONE, REFUSED, BROKEN = "said", "part", "done", "refused", "broken"
@@ -37,9 +42,10 @@ class Job:
         self.cancelled = False
         self.running = True
         self._receiver, sender = CONTEXT.Pipe(duplex=False)
-        self._process = CONTEXT.Process(target=_run, args=(sender, function, arguments, expected), daemon=True)
+        self._process = CONTEXT.Process(target=_run, args=(sender, function, arguments, expected))
         self._process.start()
         sender.close()
+        RUNNING.add(self)
 
     def poll(self) -> bool:
         """Take in what was said; whether anything was."""
@@ -68,9 +74,28 @@ class Job:
 
     def _end(self) -> None:
         self.running = False
+        RUNNING.discard(self)
         self._process.join()
         self._process.close()
         self._receiver.close()
+
+
+RUNNING: Final[set[Job]] = set()
+
+
+@atexit.register
+def _stop() -> None:
+    """No work is waited for when the server ends."""
+    for job in list(RUNNING):
+        job.cancel()
+
+
+def _end_with_server() -> None:
+    """Wait until the server is gone, however it ended; then nobody wants to know."""
+    server = multiprocessing.parent_process()
+    assert server is not None
+    connection.wait([server.sentinel])
+    os._exit(1)
 
 
 def _run(
@@ -81,6 +106,7 @@ def _run(
             sender.send((PART, part))
         sender.send((SAID, text))
 
+    Thread(target=_end_with_server, daemon=True).start()
     os.nice(NICER)
     try:
         sender.send((DONE, function(*arguments, show)))

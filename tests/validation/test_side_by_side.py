@@ -69,12 +69,12 @@ def test_children_are_gone_with_a_parent_that_is_killed():
     os.kill(parent.pid or 0, signal.SIGKILL)
     parent.join()
     until = time.monotonic() + 10.0
-    while any(_runs(child) for child in children) and time.monotonic() < until:
+    while any(runs(child) for child in children) and time.monotonic() < until:
         time.sleep(0.05)
-    assert not any(_runs(child) for child in children)
+    assert not any(runs(child) for child in children)
 
 
-def _runs(pid: int) -> bool:
+def runs(pid: int) -> bool:
     try:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except FileNotFoundError:

@@ -2,9 +2,12 @@
 
 import asyncio
 import os
+import subprocess
+import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,11 +17,15 @@ pytest.importorskip("nicegui", reason="the extra workbench is not installed")
 from nicegui.elements.upload_files import SmallFileUpload
 
 from cruise.service.recordings import ReadingSettings, read_recording
+from cruise.validation.side_by_side import side_by_side
 from cruise.workbench import jobs
 from cruise.workbench.downsample import extremes, window
 from cruise.workbench.examples import EXAMPLES, drive, make
 from cruise.workbench.found import Cells
 from cruise.workbench.uploads import apart, kept, plain
+from tests.validation.test_side_by_side import runs
+
+ROOT = Path(__file__).parents[2]
 
 
 def test_downsampling_keeps_every_extreme():
@@ -89,6 +96,21 @@ def politeness(show: jobs.Any) -> int:
     return os.nice(0)
 
 
+def sharing(show: jobs.Any) -> int:
+    return len(set(side_by_side(lambda _: os.getpid(), range(4))) - {os.getpid()})
+
+
+def asleep(_: int) -> None:
+    sys.stdout.write(f"{os.getpid()}\n")
+    sys.stdout.flush()
+    time.sleep(600.0)
+
+
+def sleeping_side_by_side(show: jobs.Any) -> None:
+    show(str(os.getpid()))
+    list(side_by_side(asleep, range(2)))
+
+
 def breaking(show: jobs.Any) -> None:
     raise ZeroDivisionError
 
@@ -124,6 +146,43 @@ def test_the_page_comes_before_a_job():
     mine = os.nice(0)
     assert ended(jobs.Job("", politeness, (), ())).result == min(mine + jobs.NICER, 19)
     assert os.nice(0) == mine
+
+
+@pytest.mark.skipif(len(os.sched_getaffinity(0)) < 2, reason="needs two cores")
+def test_a_job_works_on_all_cores():
+    assert ended(jobs.Job("", sharing, (), ())).result >= 1
+
+
+SERVER = """
+import sys, time
+from cruise.workbench import jobs
+from tests.workbench.test_parts import sleeping_side_by_side
+job = jobs.Job("", sleeping_side_by_side, (), ())
+while not job.told:
+    job.poll()
+    time.sleep(0.01)
+print(job.told[0], flush=True)
+sys.stdin.read()
+"""
+
+
+@pytest.mark.parametrize("killed", [False, True])
+def test_a_job_ends_with_the_server_however_that_ends(killed):
+    server = subprocess.Popen(
+        [sys.executable, "-c", SERVER], cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    assert server.stdin is not None
+    assert server.stdout is not None
+    pids = [int(server.stdout.readline()) for _ in range(1 + min(len(os.sched_getaffinity(0)), 2))]
+    if killed:
+        server.kill()
+    server.stdin.close()
+    server.wait(30.0)
+    server.stdout.close()
+    until = time.monotonic() + 10.0
+    while any(runs(pid) for pid in pids) and time.monotonic() < until:
+        time.sleep(0.05)
+    assert not any(runs(pid) for pid in pids)
 
 
 def test_mistakes_of_the_user_are_said_and_bugs_are_shown():

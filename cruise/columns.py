@@ -26,8 +26,9 @@ CLOCK_S: Final = 1e8  # s, three years: times beyond are those of a clock, and n
 MOST_CODES: Final = 2  # values that a logger writes for "error" and "not available"; what is measured has more
 CODES_APART: Final = 0.25  # of a signal's range, by which they are apart from all that was measured
 FULL_MA: Final = 1000.0  # mA, what an input that is a share of all is taken to be of
-SHARES: Final = ((1.5, "a share of all", FULL_MA), (150.0, "per cent", 0.01 * FULL_MA))
-"""The largest input that is none in mA, what it is, and mA per unit of it: no pump's servo moves below 150 mA."""
+SHARES: Final = ((3.0, "A or a share of all", FULL_MA), (150.0, "per cent", 0.01 * FULL_MA))
+"""The largest input that is none in mA, what it is, and mA per unit of it: no pump's servo moves below 150 mA, and none
+takes 3 A."""
 
 
 class ColumnSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

@@ -79,7 +79,10 @@ def _lines(path: str | Path) -> list[str]:
 
 
 def _delimiter(lines: Sequence[str]) -> str:
-    return max(",;\t", key=(lines or [""])[0].count)
+    """What stands as often in the first row as in the header, where names or numbers may hold commas; else the most."""
+    header, row = [*lines[:2], "", ""][:2]
+    alike = [one for one in "\t;," if 0 < header.count(one) == row.count(one)]
+    return alike[0] if alike else max(",;\t", key=header.count)
 
 
 def _plain_numbers(lines: Sequence[str], delimiter: str) -> FloatArray | None:

@@ -11,7 +11,10 @@ from cruise.signals import INPUT, OUTPUT
 from tests.csv_files import PLAIN, csv_of, ramp
 
 
-@pytest.mark.parametrize(("most", "unit", "scale"), [(1.0, "a share of all", 1000.0), (95.0, "per cent", 10.0)])
+@pytest.mark.parametrize(
+    ("most", "unit", "scale"),
+    [(1.0, "A or a share of all", 1000.0), (2.9, "A or a share of all", 1000.0), (95.0, "per cent", 10.0)],
+)
 def test_an_input_that_is_no_current_counts_as_a_share_of_one(tmp_path, most, unit, scale):
     """Bounds and starts of the effects are in mA: a stop at 0.9 of the pedal would be below all of them."""
     rows = [f"{0.1 * k:.1f},{most * k / 40:.6g},{k / 10:.6g}" for k in range(41)]

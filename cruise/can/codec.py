@@ -19,7 +19,7 @@ from cruise.can import database, j1939, protection
 from cruise.can.bus import Filter
 from cruise.can.database import Field, Layout
 from cruise.can.frame import Frame, FrameFault
-from cruise.can.messages import FORWARD, REVERSE, Direction
+from cruise.can.messages import FORWARD, OPEN, REVERSE, Direction
 from cruise.can.settings import CanSettings
 from cruise.signals import Reading
 
@@ -137,7 +137,7 @@ def _value(entry: Field, raws: Mapping[str, Any], direction: Direction | None) -
     value = entry.scale * raw + entry.offset
     if direction is not None and direction.speed == entry.name and value != 0.0:
         state = raws[direction.signal]
-        value *= 1.0 if state == FORWARD else -1.0 if state == REVERSE else direction.sign_if_open
+        value *= {FORWARD: 1.0, REVERSE: -1.0, OPEN: direction.sign_if_open}.get(state, math.nan)
     return value if entry.low <= value <= entry.high else math.nan
 
 

@@ -23,6 +23,7 @@ FAST_MESSAGE: Final = "DriveFeedback"  # speed and current that the model lives 
 COUNTER: Final = "alive_counter"  # signal of our own messages, low half of byte 2
 REVERSE: Final = 0  # states of the direction SPNs, ISO 11783-7 A.10
 FORWARD: Final = 1
+OPEN: Final = 3  # not available; 2 is "error"
 
 
 @dataclass(frozen=True, slots=True)

@@ -38,6 +38,7 @@ NOTHING_BEGUN: Final = bytes.fromhex("8000000001000405")  # SDO abort 0504 0001h
 TOO_MUCH: Final = bytes.fromhex("8000000005000405")  # SDO abort 0504 0005h: out of memory
 MOST_SEGMENTS: Final = 2 * MAX_BYTES // 7  # of a download; canopen's server collects as many as come
 ERROR_REGISTER: Final = 0x1001
+COMMUNICATION: Final = range(0x1000, 0x2000)  # the profile's objects of communication, CiA 301, table 15
 NMT_COMMANDS: Final = {1, 2, 128, 129, 130}  # start, stop, enter pre-operational, reset node, reset communication
 FAULT_STATE: Final = 3.0  # engagement_state
 EMERGENCIES: Final = {  # code of CiA 301, table 26, and bits of the error register 1001h
@@ -92,10 +93,7 @@ class CanopenNode:
         self._status_due_s = -math.inf
         self._panel = HeartbeatConsumer()
         self._errors: tuple[str, ...] = ()
-        if HEARTBEAT_CONSUMER in dictionary and settings.panel_node_id:
-            entry = settings.panel_node_id << 16 | settings.panel_timeout_ms
-            self._node.set_data(HEARTBEAT_CONSUMER, 1, entry.to_bytes(4, "little"))
-            self._panel.watch(entry)
+        self._power_on()
 
     @classmethod
     def load(cls, path: str | Path, settings: CanopenSettings) -> "CanopenNode":
@@ -169,6 +167,7 @@ class CanopenNode:
     def tick(self, now_s: float, status: NodeStatus) -> list[Frame]:
         """Return what is to be sent at `now_s`: boot-up, heartbeat, status, answers to what was received."""
         if self.state == "INITIALISING":
+            self._power_on()
             self._node.nmt.state = "INITIALISING"  # sends the boot-up message
             self._node.nmt.state = "PRE-OPERATIONAL"
         self._warn(now_s, status)
@@ -181,6 +180,16 @@ class CanopenNode:
     def answers(self) -> list[Frame]:
         """Return what has to be answered to the last frame that was received."""
         return self._sent(self._received_s) if self._network.outbox else []
+
+    def _power_on(self) -> None:
+        """What a master wrote about communication (1000h to 1FFFh) is forgotten, as CiA 301 wants it of both resets."""
+        for index in [one for one in self._node.data_store if one in COMMUNICATION]:
+            del self._node.data_store[index]
+        self._panel, self._errors = HeartbeatConsumer(), ()
+        if HEARTBEAT_CONSUMER in self._dictionary and self._settings.panel_node_id:
+            entry = self._settings.panel_node_id << 16 | self._settings.panel_timeout_ms
+            self._node.set_data(HEARTBEAT_CONSUMER, 1, entry.to_bytes(4, "little"))
+            self._panel.watch(entry)
 
     def _sent(self, now_s: float) -> list[Frame]:
         outbox, self._network.outbox = self._network.outbox, []

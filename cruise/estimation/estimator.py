@@ -104,7 +104,10 @@ class Estimator:
         if theta.shape != (size,) or root.shape not in {(size, size), (self._owned, self._owned)}:
             raise ValueError(f"saved parameters are for {theta.size} of them, this model has {size}")
         if not (np.isfinite(theta).all() and np.isfinite(root).all() and self._safe(theta)):
-            raise ValueError("saved parameters are not those of a stable drive with a positive gain")
+            raise ValueError(
+                "saved parameters are not those of a stable drive with a positive gain: poles up to pole_max, "
+                f"{self.settings.pole_max:g}, gain within gain_range, {self.settings.gain_range:g} times the factory's"
+            )
         self.rls.theta, self.rls.root, self.rls.turn = theta, root, int(saved["turn"])
         self.state = None
 

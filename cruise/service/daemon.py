@@ -71,10 +71,10 @@ class Daemon:
         self.say = say
         # What a client of the bus does wrong is answered there; at a thousand frames a second a log would cost time.
         logging.getLogger("canopen").setLevel(logging.CRITICAL)
-        self.node = CruiseNode.load(settings) if again is None else again._with({})[1]
+        self.node = CruiseNode.load(settings) if again is None else again._with(again.changes)[1]
         self.changes: Mapping[str, Any] = {}
         self._reload = reload
-        state, keeper = self._kept()
+        state, keeper = self._kept(changes)
         self._adopt(changes if changes is not None or keeper is None else keeper.settings)
         self.station = Station(self.node, settings.can)
         self.lateness = Lateness()
@@ -110,6 +110,8 @@ class Daemon:
         finally:
             for frame in self.station.stop(ended_s):
                 self.bus.send(frame)
+            if self.chronicle is not None:
+                self.chronicle.step(ended_s)  # that it let go counts, too
             self.bus.close()
             garbage.close()
             if self.chronicle is not None:
@@ -191,16 +193,19 @@ class Daemon:
 
     def _adopt(self, changes: Mapping[str, Any] | None) -> None:
         """Go on with `changes`, or with the file alone where it no longer agrees with them."""
-        if not changes:
+        if not changes and not self.changes:
             return
         try:
-            self.settings, self.node = self._with(changes)
-            self.changes = changes
+            self.settings, self.node = self._with(changes or {})
+            self.changes = changes or {}
         except SettingsError as error:
             self.say(f"settings written by SDO are not used: {error}")
 
     def _with(self, changes: Mapping[str, Any]) -> tuple[CruiseSettings, CruiseNode]:
-        """Return the file's settings with `changes`, and a new node that has them. Raises SettingsError."""
+        """Return the file's settings with `changes`, and a new node that has them, and what was learned.
+
+        Raises SettingsError, also where nothing like it can be learned under these settings.
+        """
         node = self.node
         canopen = node.canopen.anew() if node.canopen is not None else None
         experiments = tuple(node.engagement.experiments.values())
@@ -216,16 +221,23 @@ class Daemon:
         canopen = self.node.canopen
         return (*self.node.hearing.codec.filters, *FILTERS, *(canopen.filters if canopen is not None else ()))
 
-    def _kept(self) -> tuple[Kept | None, Keeper | None]:
-        """What the runs before left, given to the estimator, and who keeps what this one leaves."""
+    def _kept(self, changes: Mapping[str, Any] | None) -> tuple[Kept | None, Keeper | None]:
+        """What the runs before left, given to the estimator, and who keeps what this one leaves.
+
+        What was learned is taken up under the settings that it was learned with, `changes` or those stored beside it.
+        """
         kept = self.settings.persistence
         if kept is None:
             return None, None
-        estimator = self.node.estimator
         folder = Path(os.environ.get("STATE_DIRECTORY", kept.folder))
         folder.mkdir(parents=True, exist_ok=True)
-        file = StateFile(folder / "state", kept.machine, fingerprint(estimator.factory))
-        found = file.read(lambda state: estimator.restore(state.learned))
+        file = StateFile(folder / "state", kept.machine, fingerprint(self.node.estimator.factory))
+
+        def take_up(state: Kept) -> None:
+            self._adopt(state.settings if changes is None else changes)
+            self.node.estimator.restore(state.learned)
+
+        found = file.read(take_up)
         for problem in found.problems:
             self.say(problem)
         return found.kept, Keeper(file, found.kept.settings if found.kept is not None else None)

@@ -7,7 +7,8 @@ takes its place in one step; the old one stays as `NAME.previous`, and is read w
     NAME.new: write, fsync;    NAME.previous: link to NAME;    NAME.new becomes NAME;    fsync of the folder
 
 so that at every instant NAME or NAME.previous is whole. What belongs to another machine is refused. With another
-model what was learned is forgotten; settings, a lower top speed among them, and statistics are the machine's and stay.
+model, or settings under which nothing like it can be learned, what was learned is forgotten; settings, a lower top
+speed among them, and statistics are the machine's and stay.
 
 Sources: rename(2), fsync(2); T. Pillai et al., "All file systems are not created equal", OSDI 2014.
 """
@@ -107,16 +108,21 @@ class StateFile:
             os.close(folder)
 
     def read(self, check: Callable[[Kept], None] = lambda kept: None) -> Found:
-        """Return the newest state that is whole, ours, and which `check` lets pass; it raises ValueError if not."""
-        problems = []
+        """Return the newest state that is whole and ours, with what was learned last of which `check` raises no error.
+
+        `check` raises ValueError, LookupError or TypeError; where it always does, nothing was learned.
+        """
+        problems, newest = [], None
         for path in (self.path, self.previous):
             try:
                 kept = self._read(path)
+                newest = newest or kept
                 if kept.model != self.model:
                     problems.append(
                         f"{path}: what was learned is for model {kept.model}, here is {self.model}: forgotten"
                     )
-                    return Found(msgspec.structs.replace(kept, model=self.model, learned={}), tuple(problems))
+                    return Found(msgspec.structs.replace(newest, model=self.model, learned={}), tuple(problems))
+                kept = msgspec.structs.replace(newest, learned=kept.learned)
                 check(kept)
             except FileNotFoundError:
                 continue
@@ -124,7 +130,7 @@ class StateFile:
                 problems.append(str(error) if isinstance(error, BrokenStateError) else f"{path}: {error}")
             else:
                 return Found(kept, tuple(problems))
-        return Found(None, tuple(problems))
+        return Found(msgspec.structs.replace(newest, learned={}) if newest else None, tuple(problems))
 
     def _readable(self, path: Path) -> bool:
         try:

@@ -11,10 +11,23 @@ from typing import Final
 
 import numpy as np
 
-from cruise.recording import Recording
+from cruise.recording import Recording, listed
 from cruise.signals import ASKED, INPUT, OUTPUT
 
+SHOWN: Final = 3  # recordings that are named
 LEAST_KNOWN: Final = 0.9  # of the time in which current and speed are known
+
+
+def _not_everywhere(recordings: Sequence[Recording]) -> list[str]:
+    """What some of the recordings lack and others have."""
+    names = sorted(set().union(*(one.columns for one in recordings)) - ASKED)
+    notes = []
+    for name in names:
+        lacking = [one.source for one in recordings if name not in one.columns]
+        more = f" and {len(lacking) - SHOWN} more" if len(lacking) > SHOWN else ""
+        if lacking:
+            notes.append(f"{name}: not in {listed(lacking[:SHOWN])}{more}, left out of all: it can't be blamed")
+    return notes
 
 
 def complete(recordings: Sequence[Recording], needed: Collection[str]) -> list[Recording]:
@@ -35,7 +48,7 @@ def complete(recordings: Sequence[Recording], needed: Collection[str]) -> list[R
 
     shares = {name: share([name]) for name in names}
     spare = sorted(names.difference(needed), key=lambda name: (shares[name], name))
-    notes = []
+    notes = _not_everywhere(recordings)
     while spare and share(names) < LEAST_KNOWN * share(names.intersection(needed)):
         name = spare.pop(0)
         names.discard(name)

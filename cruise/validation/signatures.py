@@ -38,6 +38,7 @@ from cruise.validation.quantities import spoken
 
 STEP: Final = 1e-4  # relative, of a parameter in a difference quotient: predictions are smooth in it
 SAME: Final = 1e-3  # of a regressor's size; what is left beside the model's own regressors is less: it has that term
+FLAT: Final = 1e-9  # of a regressor, about which it does not move but for rounding
 LEVEL: Final = 0.05
 STANDARD_LAGS_S: Final = 5.0  # s, over which the standard test looks, as 25 lags at 5 Hz do
 BLOCKS: Final = 24  # of the test at most: each holds many correlation times, and t(23) is nearly normal
@@ -118,10 +119,12 @@ def regressors(found: Comparison) -> Mapping[str, Sequence[np.ndarray]]:
     delay = core.delay + (max(core.nb, 1) - 1) // 2
     u = [lagged(one.input, delay) for one in recordings]
     middle, size = _centre(u)
+    size = size or 1.0  # what never moves stays as it is, and is tested against nothing
     u = [(part - middle) / size for part in u]
     zero = -middle / size
     y = [lagged(one, 1) for one in _own_speeds(found)]
     slowest, span = _centre(y)
+    span = span or 1.0
     y = [(part - slowest) / span for part in y]
     result: dict[str, Sequence[np.ndarray]] = {"u": u, "u²": [part**2 for part in u], "u³": [part**3 for part in u]}
     joined = np.concatenate(u)
@@ -265,6 +268,8 @@ def _test(
     if not known.any():
         return _refused(name, "not measured")
     size = float(np.linalg.norm(phi[known] - phi[known].mean()))
+    if not size > FLAT * float(np.linalg.norm(phi[known])):
+        return _refused(name, "it never moves")
     extra, length = np.zeros((len(phi), 0)), 0.0
     for column in (*factors, phi):
         column = np.where(known, column, 0.0)

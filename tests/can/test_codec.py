@@ -63,6 +63,7 @@ def fields():
         (0x18FE68F0, "64FFFFFFFFFFFFFF", "VF", {"oil_temperature_c": 60.0}),  # 100 - 40
         (0x0CFD4331, "D007FFFFFFFFFFFD", "MachineSelectedSpeedCommand", {"setpoint_mps": 2.0}),
         (0x0CFD4331, "D007FFFFFFFFFFFF", "MachineSelectedSpeedCommand", {"setpoint_mps": 2.0}),
+        (0x0CFD4331, "D007FFFFFFFFFFFE", "MachineSelectedSpeedCommand", {"setpoint_mps": OPEN}),  # an error
         (0x0CFD4331, "D007FFFFFFFFFFFC", "MachineSelectedSpeedCommand", {"setpoint_mps": OPEN}),  # no cruise in reverse
         (
             0x18FEF131,

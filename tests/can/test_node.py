@@ -75,6 +75,23 @@ def test_a_reset_boots_again():
     assert end.state == "PRE-OPERATIONAL"
 
 
+@pytest.mark.parametrize("reset", [RESET, "8211"])  # of the node, of communication
+def test_a_reset_forgets_what_a_master_wrote_about_communication(reset: str):
+    end = node()
+    end.tick(0.0, STATUS)
+    end.receive(frame(0x611, "23161001fa001200", 1.0))  # 1016h:1, node 18 within 250 ms
+    end.receive(frame(0x611, "2b17100000000000", 1.0))  # 1017h, no heartbeat
+    end.receive(frame(0x712, "05", 1.0))
+    sent(end, 2.0)
+    assert end.neutral_requested
+    end.receive(frame(0, reset, 2.0))
+    sent(end, 2.1)
+    assert not end.neutral_requested
+    assert (0x711, "7f") in [one for k in range(1, 7) for one in sent(end, 2.1 + 0.1 * k)]
+    end.receive(frame(0x611, "4016100100000000", 3.0))
+    assert [one.data.hex() for one in end.answers()] == ["4316100100000000"]
+
+
 def test_the_setpoint_comes_in():
     end = started()
     readings = end.receive(frame(0x211, "d00701", 4.5))  # 2000 = 0x07D0

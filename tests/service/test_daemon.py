@@ -146,6 +146,60 @@ def test_settings_that_a_master_stored_outlive_a_new_model(settings: CruiseSetti
     second.bus.close()
 
 
+WIDE = '{"estimator": {"gain_range": 5.0}, "engagement": {"speed_max_mps": 3.0}}'
+
+
+def learned_under_a_wide_range(settings: CruiseSettings) -> Daemon:
+    """A run that learned a gain four times the factory's, as a master lets it, and has ended."""
+    first = Daemon(settings, Notifier(""), print, reload=lambda: None)
+    first._change(WIDE)
+    first._store()
+    run(first, 2)
+    first = Daemon(settings, Notifier(""), print, first.changes, lambda: None)
+    saved, model = first.node.estimator.save(), first.node.estimator.factory
+    saved["theta"][model.na : model.na + model.nb] = [
+        4.0 * one for one in saved["theta"][model.na : model.na + model.nb]
+    ]
+    first.node.estimator.restore(saved)
+    run(first, 2)
+    return first
+
+
+def test_what_was_learned_is_taken_up_under_the_settings_that_were_stored_with_it(settings: CruiseSettings):
+    first = learned_under_a_wide_range(settings)
+    second = Daemon(settings, Notifier(""), print, reload=lambda: None)
+    assert second.settings.engagement.speed_max_mps == 3.0
+    assert second.node.estimator.save() == first.node.estimator.save()
+    run(second, 2)
+
+
+def test_a_file_that_does_not_let_it_be_forgets_what_was_learned_and_nothing_else(settings: CruiseSettings):
+    wide = structs.replace(settings, estimator=structs.replace(settings.estimator, gain_range=5.0))
+    learned_under_a_wide_range(wide)
+    said: list[str] = []
+    narrow = structs.replace(settings, estimator=structs.replace(settings.estimator, gain_range=2.0))
+    second = Daemon(narrow, Notifier(""), said.append, {"engagement": {"speed_max_mps": 3.0}}, lambda: None)
+    assert any("gain_range, 2 times the factory's" in line for line in said)
+    assert second.node.estimator.save()["theta"] == list(second.node.estimator.factory.theta)
+    assert second.settings.engagement.speed_max_mps == 3.0
+    assert second.chronicle is not None
+    assert second.chronicle.state().statistics.starts == 3
+    run(second, 2)
+
+
+def test_what_was_learned_is_not_written_away(settings: CruiseSettings):
+    first = learned_under_a_wide_range(settings)
+    with pytest.raises(SettingsError, match="gain_range, 2 times the factory's"):
+        first._change('{"estimator": {"gain_range": 2.0}}')
+
+
+def test_a_bad_file_after_a_reload_ends_nothing_that_was_learned(settings: CruiseSettings):
+    first = learned_under_a_wide_range(settings)
+    second = Daemon(first.of_file, Notifier(""), print, first.changes, lambda: None, again=first)
+    assert second.node.estimator.save() == first.node.estimator.save()
+    run(second, 2)
+
+
 def test_a_run_after_a_bad_file_goes_on_with_a_node_that_lives(settings: CruiseSettings):
     first = Daemon(settings, Notifier(""), print, reload=lambda: None)
     run(first, 40)
@@ -210,6 +264,22 @@ def test_statistics_and_parameters_are_there_at_the_next_start(settings: CruiseS
     assert third.node.estimator.rls.theta.tolist() != learned
     assert "it is for machine A1, here is B2" in lines[0]
     third.bus.close()
+
+
+def test_that_a_stop_let_go_is_counted(settings: CruiseSettings):
+    daemon = Daemon(settings, Notifier(""), print)
+    assert daemon.chronicle is not None
+    chronicle, ticks = daemon.chronicle, []
+
+    def engaged_at_the_end(now_s: float) -> None:
+        ticks.append(now_s)
+        if len(ticks) == 4:
+            daemon.node.engagement.state = State.ENGAGED
+            chronicle.step(now_s)
+
+    run(daemon, 4, engaged_at_the_end)
+    assert daemon.node.engagement.exit_condition
+    assert chronicle.state().statistics.exits == {daemon.node.engagement.exit_condition: 1}
 
 
 @pytest.mark.parametrize("health", [BusHealth.OFF, BusHealth.LOST])

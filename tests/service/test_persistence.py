@@ -91,8 +91,21 @@ def test_what_the_estimator_calls_unsafe_is_refused(file: StateFile):
     file.write(good)
     file.write(msgspec.structs.replace(state(2), learned=runaway))
     found = file.read(lambda kept: estimator.restore(kept.learned))
-    assert found.kept == good
+    assert found.kept == msgspec.structs.replace(state(2), learned=good.learned)
     assert "not those of a stable drive" in found.problems[0]
+
+
+def test_where_nothing_learned_is_let_pass_the_rest_stays(file: StateFile):
+    slower = {"engagement": {"speed_max_mps": 3.0}}
+    file.write(state(4))
+    file.write(msgspec.structs.replace(state(5), settings=slower))
+
+    def never(kept: Kept) -> None:
+        raise ValueError("gain_range")
+
+    found = file.read(never)
+    assert found.kept == msgspec.structs.replace(state(5), settings=slower, learned={})
+    assert len(found.problems) == 2
 
 
 def test_the_fingerprint_tells_models_apart():

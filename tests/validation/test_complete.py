@@ -5,8 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cruise.effects import EFFECTS
 from cruise.recording import Recording
 from cruise.signals import INPUT, OUTPUT
+from cruise.validation.candidates import why_not
 from cruise.validation.complete import complete
 from cruise.validation.diagnose import Verdict, diagnose
 from cruise.validation.study import study
@@ -28,6 +30,20 @@ def test_a_signal_with_many_holes_is_left_out_and_one_with_few_makes_holes_of_th
     assert one.notes == ("oil_temperature_c: known in 60 % of the time only, left out: it can't be blamed",)
     assert np.flatnonzero(np.isnan(one.output)).tolist() == [90, 91, 92, 93, 94]
     assert np.isnan(one.input[90:95]).all()
+
+
+def test_what_some_recordings_lack_is_said_with_their_names():
+    with_it, without = recorded(), recorded()
+    without = replace(without, source="b.csv", columns={INPUT: without.input, OUTPUT: without.output})
+    one, other = complete([with_it, without], ())
+    assert set(one.columns) == {INPUT, OUTPUT}
+    assert one.notes == other.notes
+    assert one.notes == tuple(
+        f"{name}: not in b.csv, left out of all: it can't be blamed" for name in ("oil_temperature_c", "pitch_deg")
+    )
+    assert why_not(EFFECTS["grade"], [one, other]) == "pitch_deg is not recorded in all of the recordings"
+    many = complete([with_it, *(replace(without, source=f"{k}.csv") for k in range(5))], ())
+    assert "not in 0.csv, 1.csv, 2.csv and 2 more, left out" in many[0].notes[0]
 
 
 def test_what_the_model_needs_stays_and_the_recording_has_its_holes():

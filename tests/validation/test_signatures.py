@@ -1,6 +1,8 @@
 """Each missing term has the strongest test of its own regressor, and noise has none."""
 
+import math
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -109,6 +111,19 @@ def test_other_families_are_tested_too():
     curved = recorded(3, quadratic=4e-4)
     assert of(judged(curved, "oe:nf=1,nb=2,delay_s=0.4"), "u²").found
     assert not of(judged(curved, "narx:na=1,nb=2,degree=2,delay_s=0.4"), "u²").found
+
+
+@pytest.mark.parametrize("name", [INPUT, OUTPUT])
+def test_what_never_moves_is_tested_against_nothing(name):
+    """A slope at a constant current is what is driven to see what it costs."""
+    moving = recorded(3, grade=0.01)
+    found = compare(parse("arx:na=1,nb=2,delay_s=0.4"), [moving], PLAIN)
+    still = replace(moving, columns={**moving.columns, name: np.full(len(moving), 500.0 if name == INPUT else 0.0)})
+    told = signatures(replace(found, recordings=(still,)))
+    assert all(math.isfinite(one.correlation) for one in told.tests if not one.refused)
+    if name == INPUT:
+        refused = {one.regressor: one.refused for one in told.tests if one.refused}
+        assert refused["u"] == "it never moves"
 
 
 def test_a_recording_too_short_refuses():

@@ -13,7 +13,7 @@ from rich.table import Table
 
 from cruise.cli.console import printer
 from cruise.cli.places import CONFIG
-from cruise.cli.reading import AsJson, Columns, InputName, OutputName, Recordings, columns_of, count_of
+from cruise.cli.reading import AsJson, Columns, InputName, OutputName, Recordings, columns_of, count_of, writable
 from cruise.model import files
 from cruise.service import replay as service
 from cruise.service import settings as service_settings
@@ -31,6 +31,8 @@ def replay(
     as_json: AsJson = False,
 ) -> None:
     """Put recordings on the bus as frames, let the service learn from them, and judge what it learned on others."""
+    if save is not None:
+        writable("--save", save)
     read = columns_of(columns, input_name, output_name)
     loaded = service_settings.load(config)
     if model_file is not None:
@@ -51,7 +53,7 @@ def replay(
         unseen = service.replay(test, loaded, read)
         report["test"] = {
             "recordings": [str(path) for path in test],
-            **asdict(service.judge(taught, unseen.recordings)),
+            **{name: _known(value) for name, value in asdict(service.judge(taught, unseen.recordings)).items()},
         }
     if save is not None:
         note = "learned online by cruise replay"
@@ -62,6 +64,11 @@ def replay(
         print(json.dumps(report, indent=2))
     else:
         _print(report)
+
+
+def _known(value: float) -> float | None:
+    """None, which is JSON, where there is no number: no prediction could be judged."""
+    return value if math.isfinite(value) else None
 
 
 def _print(report: dict) -> None:
@@ -86,5 +93,6 @@ def _print(report: dict) -> None:
     table.add_column(f"{judged['horizon_s']:g} s ahead on {len(judged['recordings'])} unseen recordings")
     table.add_column("RMS error m/s", justify="right")
     for name in ("online", "batch", "factory", "persistence"):
-        table.add_row(name, f"{judged[f'{name}_mps']:.3f}")
+        error_mps = judged[f"{name}_mps"]
+        table.add_row(name, "-" if error_mps is None else f"{error_mps:.3f}")
     console.print(table)

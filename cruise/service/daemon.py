@@ -73,6 +73,7 @@ class Daemon:
         logging.getLogger("canopen").setLevel(logging.CRITICAL)
         self.node = CruiseNode.load(settings) if again is None else again._with(again.changes)[1]
         self.changes: Mapping[str, Any] = {}
+        self._not_used = ""
         self._reload = reload
         state, keeper = self._kept(changes)
         self._adopt(changes if changes is not None or keeper is None else keeper.settings)
@@ -199,7 +200,9 @@ class Daemon:
             self.settings, self.node = self._with(changes or {})
             self.changes = changes or {}
         except SettingsError as error:
-            self.say(f"settings written by SDO are not used: {error}")
+            if str(error) != self._not_used:  # asked before what was learned is taken up, and after
+                self.say(f"settings written by SDO are not used: {error}")
+            self._not_used = str(error)
 
     def _with(self, changes: Mapping[str, Any]) -> tuple[CruiseSettings, CruiseNode]:
         """Return the file's settings with `changes`, and a new node that has them, and what was learned.

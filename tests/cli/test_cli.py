@@ -9,6 +9,7 @@ import pytest
 from cruise import cli
 from cruise.can.log import read_log
 from cruise.cli.places import CONFIG
+from cruise.service import replay
 from cruise.settings import SettingsError
 
 
@@ -88,6 +89,16 @@ def test_what_was_learned_can_be_saved_and_started_from(verb, driven, tmp_path):
     assert judged["online_mps"] < 0.5 * judged["persistence_mps"]
 
 
+def test_what_could_not_be_judged_is_no_nan(verb, driven, monkeypatch):
+    judged = replay.Judged(0.1, float("nan"), 0.2, 0.3, 3.0, 10)
+    monkeypatch.setattr(replay, "judge", lambda *_: judged)
+    log = driven[0][0] / "demo-4.log"
+    code, out, _ = verb("replay", log, "--test", log, "--json")
+    assert code == 0
+    test = json.loads(out, parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))["test"]
+    assert (test["online_mps"], test["batch_mps"]) == (0.1, None)
+
+
 def table(path: Path, rows: str) -> Path:
     path.write_text("time_s,amps,speed\n" + rows)
     return path
@@ -100,6 +111,7 @@ GOOD = "".join(f"{k / 10},{500 + 10 * k},{k / 100}\n" for k in range(60))
     ("words", "says"),
     [
         (("replay", "missing.csv"), "missing.csv: no such file"),
+        (("replay", "missing.csv", "--save", "m.txt"), "--save m.txt: let the name end in .yaml or .yml"),
         (("replay", "missing.log"), "missing.log: no such file"),
         (("replay", "t.csv"), "choose with --input NAME"),
         (("replay", "t.csv", "--input", "amps"), "choose with --output NAME"),

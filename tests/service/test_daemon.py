@@ -200,6 +200,20 @@ def test_a_bad_file_after_a_reload_ends_nothing_that_was_learned(settings: Cruis
     run(second, 2)
 
 
+def test_settings_that_the_file_no_longer_agrees_with_are_said_once(settings: CruiseSettings):
+    first = Daemon(settings, Notifier(""), print, reload=lambda: None)
+    first._change('{"control": {"limits": {"current_max_ma": 1100.0}}}')
+    first._store()
+    run(first, 2)
+    limits = structs.replace(settings.control.limits, current_min_ma=1150.0)
+    other = structs.replace(settings, control=structs.replace(settings.control, limits=limits))
+    said: list[str] = []
+    second = Daemon(other, Notifier(""), said.append, reload=lambda: None)
+    assert [line.split(":")[0] for line in said] == ["settings written by SDO are not used"]
+    assert second.settings == other
+    second.bus.close()
+
+
 def test_a_run_after_a_bad_file_goes_on_with_a_node_that_lives(settings: CruiseSettings):
     first = Daemon(settings, Notifier(""), print, reload=lambda: None)
     run(first, 40)

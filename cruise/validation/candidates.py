@@ -234,7 +234,7 @@ def why_not(kind: type[Effect], recordings: Sequence[Recording]) -> str:
         if need == OUTPUT:
             continue
         if any(need not in one.columns or not np.isfinite(one.columns[need]).any() for one in recordings):
-            return f"{need} is not recorded" + (" in all of the recordings" if len(recordings) > 1 else "")
+            return f"{need} is not recorded"
         values = np.concatenate([one.columns[need] for one in recordings])
         values = values[np.isfinite(values)]
         size = max(abs(float(np.median(values))), 1e-3 * (SIGNALS[need].high - SIGNALS[need].low))

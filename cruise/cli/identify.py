@@ -45,6 +45,7 @@ from cruise.identification.regressors import FitError
 from cruise.model import files
 from cruise.model.files import Provenance
 from cruise.recording import notes_of
+from cruise.report.plain import plain
 
 LEAST_SHOWN_PCT = -999.9  # below it a prediction is nonsense, and its digits are noise
 
@@ -100,11 +101,11 @@ def report(found: Identification, preparation: PreparationSettings) -> dict[str,
         "samples": sum(len(one) for one in found.recordings),
         "notes": notes_of(found.recordings),
         "parameters": {
-            name: {"value": value, "standard_error": _number(error)}
+            name: {"value": value, "standard_error": plain(error)}
             for name, value, error in zip(fitted.parameter_names, fitted.theta, fitted.theta_std, strict=True)
         },
         "effects": _shapes(found),
-        "time_constants_s": [_number(value) for value in time_constants_s(found)],
+        "time_constants_s": plain(time_constants_s(found)),
         "unstable": fitted.unstable,
         "converged": fitted.converged,
         "message": fitted.message,
@@ -116,9 +117,9 @@ def report(found: Identification, preparation: PreparationSettings) -> dict[str,
         "free_run": _figures(found.free_run, fitted.unstable),
         "persistence": _figures(found.persistence, ""),
         "residuals": {
-            "largest_autocorrelation": _number(found.whiteness.largest),
-            "outside_95_pct": _number(found.whiteness.outside_pct),
-            "ljung_box_p": _number(found.whiteness.p_value),
+            "largest_autocorrelation": plain(found.whiteness.largest),
+            "outside_95_pct": plain(found.whiteness.outside_pct),
+            "ljung_box_p": plain(found.whiteness.p_value),
         },
     }
 
@@ -135,11 +136,7 @@ def _shapes(found: Identification) -> dict[str, dict[str, float]]:
 
 def _figures(judged: Accuracy | None, unstable: str) -> dict[str, Any] | None:
     """Figures of a prediction; none where the predictor is unstable, whatever the numbers happen to be."""
-    return None if judged is None or unstable else {name: _number(value) for name, value in asdict(judged).items()}
-
-
-def _number(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
+    return None if judged is None or unstable else plain(asdict(judged))
 
 
 def _save(path: Path, found: Identification, preparation: PreparationSettings) -> None:
@@ -151,7 +148,7 @@ def _save(path: Path, found: Identification, preparation: PreparationSettings) -
         samples=sum(len(one) for one in found.recordings),
         made_by=f"cruise identify --model {found.structure.name or found.structure}",
         made_on=datetime.now(UTC).date().isoformat(),
-        error_ahead_mps=_number(found.held_out.rmse_mps) if found.held_out and not unstable else None,
+        error_ahead_mps=plain(found.held_out.rmse_mps) if found.held_out and not unstable else None,
         horizon_s=found.horizon_s,
         note=f"training data {filter_in_words(preparation)}; {found.fitted.message}{runs_away}",
     )

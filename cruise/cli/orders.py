@@ -1,7 +1,6 @@
 """`cruise orders`: which orders and which delay, judged on what the fit had not seen."""
 
 import json
-import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -39,6 +38,7 @@ from cruise.identification.orders import Candidate, Search, search
 from cruise.identification.preparation import at_period, smoother
 from cruise.identification.regressors import FitError
 from cruise.identification.structures import Family
+from cruise.report.plain import plain
 
 SHOWN = 15  # rows of the table
 
@@ -110,8 +110,8 @@ def _row(found: Search, one: Candidate) -> dict[str, Any]:
         "nb": one.nb,
         "delay_s": round(one.delay * found.period_s, 9),
         "parameters": one.parameters,
-        "explained_pct": one.explained_pct if math.isfinite(one.explained_pct) else None,
-        "rmse_mps": one.rmse_mps if math.isfinite(one.rmse_mps) else None,
+        "explained_pct": plain(one.explained_pct),
+        "rmse_mps": plain(one.rmse_mps),
         "on_front": one in found.front,
         "refused": one.refused,
     }

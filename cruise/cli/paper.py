@@ -20,6 +20,7 @@ from cruise.cli.reading import PICTURES, AsJson, destination
 from cruise.paper import published as printed
 from cruise.paper import records
 from cruise.paper.reproduce import Reproduction, Row, reproduce
+from cruise.report.plain import plain
 
 TITLES = {
     "I": "Table I: ARX",
@@ -74,7 +75,7 @@ def report(found: Reproduction) -> dict[str, Any]:
                 "figure": one.figure,
                 "about": one.about,
                 "published": one.published,
-                "ours": one.ours if math.isfinite(one.ours) else None,
+                "ours": plain(one.ours),
                 "spread": one.spread,
                 "unit": one.unit,
                 "agrees_pct": one.agrees_pct,
@@ -84,7 +85,7 @@ def report(found: Reproduction) -> dict[str, Any]:
         "mean_absolute_difference": float(np.mean(np.abs(found.differences))),
         "largest_absolute_difference": float(np.max(np.abs(found.differences))),
         "stability_differs": [f"{row.table} {row.model} {row.rate_hz:g} Hz" for row in found.stability_differs],
-        "arx10B_ahead_on_steps": found.steps_margin if math.isfinite(found.steps_margin) else None,
+        "arx10B_ahead_on_steps": plain(found.steps_margin),
         "largest_absolute_difference_table_6": max(
             abs(row.difference) for row in found.rows if row.table == "VI" and row.difference is not None
         ),

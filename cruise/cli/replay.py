@@ -15,6 +15,7 @@ from cruise.cli.console import printer
 from cruise.cli.places import CONFIG
 from cruise.cli.reading import AsJson, Columns, InputName, OutputName, Recordings, columns_of, count_of, writable
 from cruise.model import files
+from cruise.report.plain import plain
 from cruise.service import replay as service
 from cruise.service import settings as service_settings
 
@@ -53,7 +54,7 @@ def replay(
         unseen = service.replay(test, loaded, read)
         report["test"] = {
             "recordings": [str(path) for path in test],
-            **{name: _known(value) for name, value in asdict(service.judge(taught, unseen.recordings)).items()},
+            **plain(asdict(service.judge(taught, unseen.recordings))),
         }
     if save is not None:
         note = "learned online by cruise replay"
@@ -64,11 +65,6 @@ def replay(
         print(json.dumps(report, indent=2))
     else:
         _print(report)
-
-
-def _known(value: float) -> float | None:
-    """None, which is JSON, where there is no number: no prediction could be judged."""
-    return value if math.isfinite(value) else None
 
 
 def _print(report: dict) -> None:

@@ -7,9 +7,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
 
-import numpy as np
-
 from cruise.recording import Recording, listed, notes_of
+from cruise.report.plain import plain
 from cruise.signals import SIGNALS
 from cruise.validation.comparison import Comparison
 from cruise.validation.failure_tree import FailureTree, failure_tree
@@ -75,7 +74,7 @@ def report(found: Findings) -> dict[str, Any]:
     """All figures under stable names; what is no number is null, so that it is JSON."""
     compared, floor = found.comparison, found.floor
     heat_map = found.regimes.heat_map
-    return _plain(
+    return plain(
         {
             "model": found.name,
             "structure": str(compared.structure),
@@ -141,20 +140,6 @@ def _bins(table: Table) -> list[dict[str, Any]]:
         }
         for i, label in enumerate(table.labels)
     ]
-
-
-def _plain(value: Any) -> Any:
-    """`value` with what JSON does not know as what it knows."""
-    match value:
-        case dict():
-            return {key: _plain(one) for key, one in value.items()}
-        case list() | tuple():
-            return [_plain(one) for one in value]
-        case np.ndarray() | np.generic():
-            return _plain(value.tolist())
-        case float() if not math.isfinite(value):
-            return None
-    return value
 
 
 def floor_in_words(floor: NoiseFloor, compared: Comparison) -> list[str]:

@@ -7,6 +7,7 @@ from cruise.recording import notes_of
 from cruise.report import evidence
 from cruise.report.curve import curve
 from cruise.report.evidence import Number
+from cruise.report.plain import plain
 from cruise.validation.candidates import UNNAMED
 from cruise.validation.diagnose import SEED, Diagnosis
 from cruise.validation.tried import tried_in
@@ -25,21 +26,21 @@ def report(found: Diagnosis, model: str, structure: str) -> dict[str, Any]:
         "ranking": [
             {
                 "effect": one.effect,
-                "error_before_mps": _number(one.error_before_mps),
-                "error_after_mps": _number(one.error_after_mps),
-                "confidence": _number(one.confidence),
+                "error_before_mps": plain(one.error_before_mps),
+                "error_after_mps": plain(one.error_after_mps),
+                "confidence": plain(one.confidence),
             }
             for one in found.ranking
         ],
         "look_alikes": [list(alike) for alike in found.look_alikes],
         "next_experiment": found.next_experiment,
-        "confidence": _number(found.confidence),
+        "confidence": plain(found.confidence),
         "beside": found.beside or None,
-        "error_before_mps": _number(evidence.error_mps(base)),
-        "error_after_mps": _number(evidence.error_mps(final)),
+        "error_before_mps": plain(evidence.error_mps(base)),
+        "error_after_mps": plain(evidence.error_mps(final)),
         "foretold": {
-            "share": _number(found.left.hidden.share),
-            "error_mps": _number(math.sqrt(found.left.hidden.loss)),
+            "share": plain(found.left.hidden.share),
+            "error_mps": plain(math.sqrt(found.left.hidden.loss)),
             "signals": list(found.left.hidden.signals),
         },
         "horizon_s": found.study.horizon_s,
@@ -55,25 +56,25 @@ def report(found: Diagnosis, model: str, structure: str) -> dict[str, Any]:
             for name in evidence.members(final.explanation)
             if name not in evidence.members(base.explanation) and not name.startswith(UNNAMED)
         },
-        "dead_time_s": {"model": found.study.delay_s, "found": _number(final.explanation.core.delay_s)},
+        "dead_time_s": {"model": found.study.delay_s, "found": plain(final.explanation.core.delay_s)},
         "dead_time_changes": found.left.dead_time
         and {
-            "early_s": _number(found.left.dead_time.early_s),
-            "late_s": _number(found.left.dead_time.late_s),
-            "share": _number(found.left.dead_time.share),
+            "early_s": plain(found.left.dead_time.early_s),
+            "late_s": plain(found.left.dead_time.late_s),
+            "share": plain(found.left.dead_time.share),
             "signal": found.left.dead_time.signal or None,
         },
-        "swing_s": _number(found.left.swing_s),
+        "swing_s": plain(found.left.swing_s),
         "worth_adding": list(found.worth_adding),
         "moved": [
             {
                 "of": one.before.owner,
                 "name": one.before.name,
                 "unit": one.before.unit,
-                "before": _number(one.before.value),
-                "before_standard_error": _number(one.before.std),
-                "after": _number(one.after.value),
-                "after_standard_error": _number(one.after.std),
+                "before": plain(one.before.value),
+                "before_standard_error": plain(one.before.std),
+                "after": plain(one.after.value),
+                "after_standard_error": plain(one.after.std),
             }
             for one in evidence.moved(evidence.numbers(found.study, base), numbers)
         ],
@@ -81,17 +82,17 @@ def report(found: Diagnosis, model: str, structure: str) -> dict[str, Any]:
             {
                 "added": list(one.added),
                 "dropped": list(one.dropped),
-                "error_before_mps": _number(one.error_before_mps),
-                "error_after_mps": _number(one.error_after_mps),
+                "error_before_mps": plain(one.error_before_mps),
+                "error_after_mps": plain(one.error_after_mps),
             }
             for one in evidence.rungs(found)
         ],
         "tried": [
             {
                 "effect": one.name,
-                "gain": _number(one.gain),
-                "standard_errors": _number(one.sureness),
-                "evidence": _number(one.evidence),
+                "gain": plain(one.gain),
+                "standard_errors": plain(one.sureness),
+                "evidence": plain(one.evidence),
                 "counts": one.credit,
             }
             for one in found.steps[0].tried
@@ -99,8 +100,8 @@ def report(found: Diagnosis, model: str, structure: str) -> dict[str, Any]:
         "forces": [
             {
                 "effect": step.taken,
-                "error_before_mps": _number(evidence.error_mps(step.forces)) if step.forces else None,
-                "error_after_mps": _number(evidence.error_mps(taken.compared)) if step.forces and taken else None,
+                "error_before_mps": plain(evidence.error_mps(step.forces)) if step.forces else None,
+                "error_after_mps": plain(evidence.error_mps(taken.compared)) if step.forces and taken else None,
                 "refuted": list(step.refuted),
             }
             for step in found.steps
@@ -114,11 +115,11 @@ def report(found: Diagnosis, model: str, structure: str) -> dict[str, Any]:
 def _figures(one: Number) -> dict[str, Any]:
     return {
         "name": one.name,
-        "value": _number(one.value),
-        "standard_error": _number(one.std),
+        "value": plain(one.value),
+        "standard_error": plain(one.std),
         "unit": one.unit,
-        "low": _number(one.low),
-        "high": _number(one.high),
+        "low": plain(one.low),
+        "high": plain(one.high),
         "plausible": one.plausible,
         "remark": one.remark,
     }
@@ -138,11 +139,7 @@ def _dependence(found: Diagnosis) -> list[dict[str, Any]]:
                     "of": drawn.y_words,
                     "values": drawn.x[picked].tolist(),
                     "curve": drawn.y[picked].tolist(),
-                    "standard_error": [_number(value) for value in std[picked].tolist()],
+                    "standard_error": [plain(value) for value in std[picked].tolist()],
                 }
             )
     return result
-
-
-def _number(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None

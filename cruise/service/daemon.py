@@ -73,10 +73,11 @@ class Daemon:
         logging.getLogger("canopen").setLevel(logging.CRITICAL)
         self.node = CruiseNode.load(settings) if again is None else again._with(again.changes)[1]
         self.changes: Mapping[str, Any] = {}
-        self._not_used = ""
         self._reload = reload
-        state, keeper = self._kept(changes)
-        self._adopt(changes if changes is not None or keeper is None else keeper.settings)
+        file = self._state_file()
+        stored = file.read().kept if file is not None else None
+        self._adopt(changes if changes is not None or stored is None else stored.settings)
+        state, keeper = self._kept(file)  # what was learned counts under the settings that it was learned with
         self.station = Station(self.node, settings.can)
         self.lateness = Lateness()
         self._keeper, self.chronicle = keeper, None
@@ -194,15 +195,13 @@ class Daemon:
 
     def _adopt(self, changes: Mapping[str, Any] | None) -> None:
         """Go on with `changes`, or with the file alone where it no longer agrees with them."""
-        if not changes and not self.changes:
+        if not changes:
             return
         try:
-            self.settings, self.node = self._with(changes or {})
-            self.changes = changes or {}
+            self.settings, self.node = self._with(changes)
+            self.changes = changes
         except SettingsError as error:
-            if str(error) != self._not_used:  # asked before what was learned is taken up, and after
-                self.say(f"settings written by SDO are not used: {error}")
-            self._not_used = str(error)
+            self.say(f"settings written by SDO are not used: {error}")
 
     def _with(self, changes: Mapping[str, Any]) -> tuple[CruiseSettings, CruiseNode]:
         """Return the file's settings with `changes`, and a new node that has them, and what was learned.
@@ -224,23 +223,20 @@ class Daemon:
         canopen = self.node.canopen
         return (*self.node.hearing.codec.filters, *FILTERS, *(canopen.filters if canopen is not None else ()))
 
-    def _kept(self, changes: Mapping[str, Any] | None) -> tuple[Kept | None, Keeper | None]:
-        """What the runs before left, given to the estimator, and who keeps what this one leaves.
-
-        What was learned is taken up under the settings that it was learned with, `changes` or those stored beside it.
-        """
+    def _state_file(self) -> StateFile | None:
+        """Where the runs before left their state, if it is kept."""
         kept = self.settings.persistence
         if kept is None:
-            return None, None
+            return None
         folder = Path(os.environ.get("STATE_DIRECTORY", kept.folder))
         folder.mkdir(parents=True, exist_ok=True)
-        file = StateFile(folder / "state", kept.machine, fingerprint(self.node.estimator.factory))
+        return StateFile(folder / "state", kept.machine, fingerprint(self.node.estimator.factory))
 
-        def take_up(state: Kept) -> None:
-            self._adopt(state.settings if changes is None else changes)
-            self.node.estimator.restore(state.learned)
-
-        found = file.read(take_up)
+    def _kept(self, file: StateFile | None) -> tuple[Kept | None, Keeper | None]:
+        """What the runs before left, given to the estimator, and who keeps what this one leaves."""
+        if file is None:
+            return None, None
+        found = file.read(lambda state: self.node.estimator.restore(state.learned))
         for problem in found.problems:
             self.say(problem)
         return found.kept, Keeper(file, found.kept.settings if found.kept is not None else None)

@@ -173,7 +173,7 @@ table.figures td { text-align: right; padding: 6px 12px; border-top: 1px solid v
 table.figures th:first-child, table.figures td:first-child { text-align: left; padding-left: 0; white-space: normal; }
 table.figures td.words, table.figures th.words { text-align: left; }
 table.figures td:last-child, table.figures th:last-child { padding-right: 0; }
-.hint { text-decoration: underline dotted var(--muted); text-underline-offset: 3px; cursor: help; }
+.hint { border-bottom: 1px dotted var(--muted); cursor: help; }
 .legend { display: flex; gap: 18px; flex-wrap: wrap; font-size: 12.5px; color: var(--muted); align-items: center; }
 .key { display: inline-block; width: 18px; height: 0; border-top: 2px solid; margin-right: 7px; vertical-align:
   middle; }

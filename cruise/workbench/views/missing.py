@@ -43,7 +43,7 @@ def show(page: Page) -> None:
 def _ask(page: Page) -> None:
     session = page.session
     with card():
-        ui.label("The search takes a minute or so for ten minutes of recording, on this computer. It can be stopped.")
+        ui.label("The search takes a minute or so, longer where several effects are missing. It can be stopped.")
         button = ui.button("What is missing?", on_click=page.do(session.diagnose)).props("unelevated no-caps")
         button.style("align-self:flex-start")
         button.set_enabled(not session.busy)

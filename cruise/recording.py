@@ -40,7 +40,8 @@ class Readings:
 class Recording:
     """Signals on a uniform grid: `time_s` (N,) with step `dt_s`, `columns` name to values (N,), NaN for not measured.
 
-    A sample is the reading at its time, or where `averaged` the mean over the period that ends there.
+    A sample is the reading at its time, of a current the one that holds from there on, or where `averaged` the mean
+    over the period that ends there.
     `source` says where it comes from, `notes` what was lost or mended, `stamps_s` (M,) the time stamps as they were
     before the grid, where known. The arrays are read-only. Raises RecordingError for a grid that is not uniform,
     columns of another length, or no input or output.
@@ -160,8 +161,9 @@ def on_grid(
         if averaged:
             gridded[name] = means(times, known, grid_s, dt_s, kind, stale_after(step_s))
         elif dt_s > COARSER * step_s and kind is not Kind.STATE:
-            # Faster than input and output, which are taken at the instant: a mean around it, or they don't align.
-            gridded[name] = means(times, known, grid_s + 0.5 * dt_s, dt_s, kind, stale_after(step_s))
+            # Faster than the grid: what is taken at the instant is a mean around it, what is held acts from it on.
+            until_s = grid_s + (dt_s if kind is Kind.HELD else 0.5 * dt_s)
+            gridded[name] = means(times, known, until_s, dt_s, kind, stale_after(step_s))
         else:
             gridded[name] = between(times, known, grid_s, EARLY * dt_s, kind, stale_after(step_s))
     return Recording(grid_s, gridded, dt_s, source, notes, base_s, averaged)

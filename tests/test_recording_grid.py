@@ -96,7 +96,7 @@ def test_signals_with_times_of_their_own_meet_on_the_slower_ones_grid():
     inside = slice(1, -1)
     at_s = read.time_s[inside]
     np.testing.assert_allclose(read.output[inside], 2.0 * at_s, atol=1e-9)
-    np.testing.assert_allclose(read.input[inside], 100.0 * (at_s - 0.05), atol=6.0)  # held: half its step
+    np.testing.assert_allclose(read.input[inside], 100.0 * (at_s + 0.05), atol=6.0)  # the mean of what holds from then
     np.testing.assert_allclose(read.columns["pitch_deg"][inside], at_s, atol=0.06)
     np.testing.assert_allclose(read.columns["gear"][inside], np.floor(at_s))
     np.testing.assert_allclose(read.columns["oil_temperature_c"][inside], 60.0 + at_s, atol=1e-9)
@@ -105,6 +105,19 @@ def test_signals_with_times_of_their_own_meet_on_the_slower_ones_grid():
     assert read.stamps_s is not None
     fine = arranged("made up", columns, PLAIN, 0.1)
     np.testing.assert_array_equal(resample(fine, 0.2).stamps_s, read.stamps_s)
+
+
+def test_a_current_that_comes_faster_acts_from_its_grid_time_on():
+    """Speed is what the current has added up to 0.3 s ago: a delay of three steps of 0.1 s, neither more nor less."""
+    currents = np.random.default_rng(8).uniform(300.0, 900.0, 600)
+    driven = np.concatenate([np.zeros(30), 0.01 * np.cumsum(currents)])[:600]
+    time_s = 0.01 * np.arange(600)
+    columns = {INPUT: Readings(time_s, currents), OUTPUT: Readings(time_s[9::10], driven[8::10])}
+    read = arranged("made up", columns, PLAIN, None)
+    assert read.dt_s == pytest.approx(0.1)
+    np.testing.assert_allclose(np.diff(read.output)[3:], 0.1 * read.input[:-4], atol=1e-9)
+    at_once = arranged("made up", columns, PLAIN, 0.2)
+    np.testing.assert_allclose(resample(read, 0.2).input, at_once.input, atol=1e-9)
 
 
 def test_readings_out_of_order_or_repeated_are_counted_not_taken():

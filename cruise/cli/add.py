@@ -32,6 +32,7 @@ from cruise.cli.reading import (
     writable,
 )
 from cruise.effects import EFFECTS, Custom
+from cruise.effects.custom import output_in_words
 from cruise.effects.expression import ExpressionError
 from cruise.identification.named import model_named
 from cruise.model import files
@@ -61,7 +62,8 @@ def add(
     as_json: AsJson = False,
 ) -> None:
     """Add an effect to a model: refit all of it, and compare the error on data that neither fit had seen."""
-    wanted = _wanted(effect)
+    read_as = columns_of(columns, input_name, output_name, database)
+    wanted = _wanted(effect, read_as.output)
     structure, start = model_named(model)
     file = files.read(model) if start is not None else None
     earlier = history_of(model, file) if file is not None else ()
@@ -69,7 +71,7 @@ def add(
     above_zero("--horizon", horizon)
     if out is not None:
         writable("--out", out)
-    read = tables(recordings, columns_of(columns, input_name, output_name, database))
+    read = tables(recordings, read_as)
     with working("reading") as show:
         core = file.core if file is not None else None
         study = ladder.begin(read, structure, start, core, period_s, horizon, show, wanted=wanted)
@@ -109,8 +111,8 @@ def report(model: str, study: Study, added: Added, floor: NoiseFloor, fitted: li
     }
 
 
-def _wanted(text: str) -> str | Custom:
-    """The effect that a word means, or the term that is written out."""
+def _wanted(text: str, output: str) -> str | Custom:
+    """The effect that a word means, or the term that is written out; `output` is how the recordings call the speed."""
     if text.startswith("custom"):
         try:
             term = Custom.written(text)
@@ -118,6 +120,8 @@ def _wanted(text: str) -> str | Custom:
             raise SettingsError(str(error)) from error
         if term.name in EFFECTS:
             raise SettingsError(f"{text}: {term.name} is an effect already; give the term another name")
+        if output in term.needs:
+            raise SettingsError(output_in_words(output))
         return term
     if text not in EFFECTS:
         near = difflib.get_close_matches(text.lower().replace("-", "_"), EFFECTS, n=1)

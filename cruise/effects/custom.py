@@ -3,7 +3,8 @@
     command: f(u) = expression(value)        gain: g = expression        load: phi = expression
 
 `value` current on its way to the drive in mA, `speed_mps` speed one sample ago, p1 to p9 shape parameters, every other
-name a column of the recording. In words of the command line, and of structures: custom(NAME, STAGE, EXPRESSION).
+name a column of the recording but the output, which is what is predicted. In words of the command line, and of
+structures: custom(NAME, STAGE, EXPRESSION).
 """
 
 import math
@@ -18,7 +19,7 @@ import numpy as np
 
 from cruise.effects.effect import About, Effect, Inverse, Parameter, Stage, State, Value
 from cruise.effects.expression import Expression, ExpressionError, read
-from cruise.signals import Signals
+from cruise.signals import OUTPUT, Signals
 
 STAGES: Final = (Stage.COMMAND, Stage.GAIN, Stage.LOAD)
 GREATEST_MA: Final = 2000.0  # mA, more than any coil of this class takes: how far an inverse is looked for
@@ -58,6 +59,8 @@ class Custom(Effect):
                 if self.stage is Stage.COMMAND
                 else f"{CURRENT}, the current, is known to command terms only; this one is a {self.stage} term"
             )
+        if OUTPUT in names:
+            raise ExpressionError(output_in_words(OUTPUT))
         beyond = [name for name in names if re.fullmatch(r"p\d+", name) and name not in PARAMETERS]
         if beyond:
             raise ExpressionError(f"{beyond[0]} is no parameter: they are {PARAMETERS[0]} to {PARAMETERS[-1]}")
@@ -165,6 +168,11 @@ def stage_named(word: str) -> Stage:
     if word not in list(STAGES):
         raise ExpressionError(f"stage {word}: a term of one's own acts as {', '.join(STAGES)}")
     return Stage(word)
+
+
+def output_in_words(name: str) -> str:
+    """Why a term can't read the output, by the name that it was given."""
+    return f"{name} is what is predicted: write {SPEED}, the speed one sample ago"
 
 
 def _refused(reason: str) -> Inverse:

@@ -85,6 +85,7 @@ def ladders(drives, built) -> Path:
     (built / "off.yaml").write_text(two.replace(a_1, "0.5", 1))
     (built / "plain.yaml").write_bytes((CONFIG / "factory_model.yaml").read_bytes())
     (built / "hills.csv").write_bytes((drives / "hills.csv").read_bytes())
+    (built / "own.csv").write_text((drives / "hills.csv").read_text().replace("ground_speed_mps", "v", 1))
     return built
 
 
@@ -280,6 +281,9 @@ MISTAKES = {
     "custom(a,load) --model arx10 hills.csv": "write custom(NAME, STAGE, EXPRESSION)",
     "custom(grade,load,-pitch_deg) --model arx10 hills.csv": "grade is an effect already",
     "custom(mud,load,-wetness) --model arx10 hills.csv": "mud can't be added: wetness is not recorded",
+    "custom(mud,load,ground_speed_mps) --model arx10 hills.csv": "write speed_mps, the speed one sample ago",
+    "custom(mud,load,v) --model arx10 own.csv --output v": "v is what is predicted: write speed_mps",
+    "grade --model arx10+custom(mud,load,ground_speed_mps) hills.csv": "ground_speed_mps is what is predicted",
     "grade --model arx10b hills.csv": "did you mean arx10B?",
     "grade --model arx10+grade hills.csv": "the model has grade already: name another effect",
     "grade --model two.yaml hills.csv": "the model has grade already",

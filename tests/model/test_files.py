@@ -198,6 +198,7 @@ OWN_MISTAKES = {
     "name no word": ("name: mud", 'name: "2nd"', r"custom\.2nd: name '2nd': use small letters"),
     "stage impossible": ("stage: command", "stage: sensor", r"custom\.mud: stage sensor: .* command, gain, load"),
     "stage unknown": ("stage: command", "stage: comand", r":14: custom\[1\]\.stage: .*comand.*did you mean command"),
+    "reads the output": ("- 300)", "- ground_speed_mps)", r"custom\.header: ground_speed_mps is what is predicted"),
     "function misspelt": (
         "value * (1",
         "mix(value, 1) * (1",

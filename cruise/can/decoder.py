@@ -16,7 +16,7 @@ from cantools.database.can import Message
 from cantools.database.errors import Error as DatabaseError
 
 from cruise.can import database, j1939
-from cruise.can.codec import Codec, Decoded
+from cruise.can.codec import Codec, CodecState, Decoded
 from cruise.can.frame import Frame, FrameFault
 from cruise.can.settings import CanSettings
 from cruise.signals import Reading
@@ -36,6 +36,7 @@ class Decoder:
         self.ours = frozenset(ours)
         self.problems = problems
         self._codec = codec
+        self._counters: dict[str, CodecState] = {}  # by bus
         self._exact: dict[tuple[int, bool], Message] = {}
         self._by_pgn: dict[int, dict[int, Message]] = {}  # and by its source address
         for message in others:
@@ -54,6 +55,7 @@ class Decoder:
 
     def decode(self, frame: Frame) -> Decoded:
         """Return the readings in `frame`, at its timestamp; never raises, whatever was on the bus."""
+        self._codec.state = self._counters.setdefault(str(frame.channel), CodecState())
         decoded = self._codec.decode(frame)
         if decoded.fault is not FrameFault.UNKNOWN:
             return decoded

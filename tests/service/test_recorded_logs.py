@@ -87,6 +87,39 @@ def radar_only() -> list[Frame]:
     return sorted(frames, key=lambda frame: frame.timestamp)
 
 
+def test_of_several_buses_that_of_the_drive_counts_and_the_others_with_what_it_has_not(tmp_path):
+    codec, wheel = Codec.load(DBC, CanSettings()), {"wheel_speed_mps": 5.0}
+    codec.encode("DriveFeedback", {}, 0.0)  # another machine's, its counter ahead of the drive's
+    foreign = []
+    for k in range(81):
+        t = START_S + k * STEP_S + 0.01
+        foreign += [codec.encode("DriveFeedback", {OUTPUT: 9.0, INPUT: 100.0}, t), codec.encode("WBSD", wheel, t)]
+        foreign += [codec.encode("EEC1", {"engine_speed_rpm": 2000.0}, t)]
+    own = [*drive(), *(codec.encode("WBSD", {"wheel_speed_mps": 1.0}, START_S + k * STEP_S) for k in range(81))]
+    for frames, channel in ((own, "can0"), (foreign, "can1")):
+        for frame in frames:
+            frame.channel = channel
+    frames = sorted([*own, *foreign], key=lambda frame: frame.timestamp)
+    read = read_recording(logged(tmp_path / "drive.log", frames), BY_DBC)
+    assert_is_the_drive(read, 2e-3)
+    assert set(read.columns["wheel_speed_mps"].tolist()) == {1.0}
+    assert set(read.columns["engine_speed_rpm"][1:].tolist()) == {2000.0}
+    (note,) = (note for note in read.notes if "buses" in note)
+    assert "on channel can0 first; of can1 are taken: EEC1.engine_speed_rpm; left out, there already: Drive" in note
+    assert not any("counter" in note for note in read.notes)
+
+
+def test_input_and_output_may_come_from_two_buses(tmp_path):
+    codec = Codec.load(DBC, CanSettings())
+    currents = [codec.encode("DriveFeedback", {INPUT: 700.0 + k}, START_S + k * STEP_S) for k in range(81)]
+    for frame in currents:
+        frame.channel = "can1"
+    frames = sorted([*drive(without=["DriveFeedback"]), *currents], key=lambda frame: frame.timestamp)
+    read = read_recording(logged(tmp_path / "drive.log", frames), BY_DBC, STEP_S)
+    np.testing.assert_allclose(read.input, 700.0 + np.arange(81), atol=0.03)
+    np.testing.assert_allclose(read.output, speed_mps(read.time_s) + 0.5, atol=2e-3)
+
+
 def test_the_command_stands_in_for_a_current_that_nobody_measured(tmp_path):
     codec = Codec.load(DBC, CanSettings())
     commands = []

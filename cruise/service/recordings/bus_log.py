@@ -2,14 +2,15 @@
 
 The columns are the signals of the vocabulary, and all signals of messages that are not the program's own. Where
 several messages hold one signal, the drive's own message counts, else the one that comes most often: the others are
-columns `Message.signal`, for whoever asks for them by that name. The input is the measured current; only where a log
-has none, the commanded one while it was active.
+columns `Message.signal`, for whoever asks for them by that name. Of a log of several buses the one counts that has most
+of input and output, and the others with what it has not. The input is the measured current; only where a log has none,
+the commanded one while it was active.
 """
 
 import math
 from array import array
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
@@ -20,8 +21,8 @@ from cruise.can.decoder import Decoder
 from cruise.can.frame import Frame, FrameFault
 from cruise.can.log import read_log
 from cruise.can.messages import FAST_MESSAGE
-from cruise.columns import RecordingSettings, arranged
-from cruise.recording import Readings, Recording, RecordingError
+from cruise.columns import RecordingSettings, arranged, column_of
+from cruise.recording import Readings, Recording, RecordingError, listed
 from cruise.service.recordings.settings import ReadingSettings
 from cruise.signals import INPUT, SIGNALS
 
@@ -29,15 +30,18 @@ COMMAND: Final = ("PumpCurrentCommand", "pump_current_command_ma", "command_acti
 PAUSE_S: Final = 5.0  # s; a longer step of time is a clock that was set, or a recorder that was off
 BACK_S: Final = 1.0  # s, frames of several controllers may be that much out of order; more is a clock that was set
 DIGITS: Final = 6  # of s; seconds since 1970 hold no more
-SHOWN: Final = 5  # identifiers in a note
+SHOWN: Final = 5  # identifiers or signals in a note
+
+Series = dict[tuple[str, str], Readings]
+"""By message and signal."""
 
 
 @dataclass(slots=True)
 class Collected:
-    """What the frames of a log say: times and values by message and signal, and what was not taken."""
+    """What the frames of a log say: times and values by bus, message and signal, and what was not taken."""
 
-    times_s: dict[tuple[str, str], array] = field(default_factory=lambda: defaultdict(lambda: array("d")))
-    values: dict[tuple[str, str], array] = field(default_factory=lambda: defaultdict(lambda: array("d")))
+    times_s: dict[tuple[str, str, str], array] = field(default_factory=lambda: defaultdict(lambda: array("d")))
+    values: dict[tuple[str, str, str], array] = field(default_factory=lambda: defaultdict(lambda: array("d")))
     faults: Counter[tuple[str, FrameFault]] = field(default_factory=Counter)
     unknown: Counter[tuple[int, bool]] = field(default_factory=Counter)
     frames: int = 0
@@ -79,9 +83,9 @@ def collect(frames: Iterable[Frame], decoder: Decoder) -> Collected:
         elif decoded.fault is not None:
             collected.faults[decoded.message or "", decoded.fault] += 1
         else:
-            message = decoded.message or ""
+            channel, message = str(frame.channel), decoded.message or ""
             for reading in decoded.readings:
-                place = message, reading.name
+                place = channel, message, reading.name
                 times_s[place].append(reading.time_s)
                 values[place].append(reading.value)
     return collected
@@ -110,14 +114,56 @@ def _losses(collected: Collected) -> list[str]:
     if collected.unknown:
         ids = [
             f"0x{number:0{8 if extended else 3}X} ({count})"
-            for (number, extended), count in collected.unknown.most_common(SHOWN)
+            for (number, extended), count in collected.unknown.most_common()
         ]
-        more = f" and {len(collected.unknown) - SHOWN} more" if len(collected.unknown) > SHOWN else ""
         said.append(
-            f"{sum(collected.unknown.values())} frames of identifiers that the database does not describe: "
-            f"{', '.join(ids)}{more}"
+            f"{sum(collected.unknown.values())} frames of identifiers that the database does not describe: {_some(ids)}"
         )
     return said
+
+
+def _joined(collected: Collected, settings: RecordingSettings, asked: Collection[str], notes: list[str]) -> Series:
+    """Return what the bus with most of input and output says, and what the others have beside it."""
+    buses: dict[str, Series] = defaultdict(dict)
+    for place, values in collected.values.items():
+        channel, message, name = place
+        time_s = np.round(np.frombuffer(collected.times_s[place]), DIGITS)
+        buses[channel][message, name] = Readings(time_s, np.frombuffer(values))
+    main = max(buses, key=lambda channel: _of_both(buses[channel], settings))
+    joined = dict(buses.pop(main))
+    for channel, series in buses.items():
+        there = {place for place, readings in joined.items() if _measured(readings)}
+        names = {name for _, name in there}
+        taken = {
+            place: readings
+            for place, readings in series.items()
+            if place not in there and (place[1] not in names or ".".join(place) in asked)
+        }
+        joined |= taken
+        notes.append(
+            f"several buses: input and output are looked for on channel {main} first; of {channel} are taken: "
+            f"{_some(list(map('.'.join, taken)))}; left out, there already: "
+            f"{_some(['.'.join(place) for place in series if place not in taken])}"
+        )
+    return joined
+
+
+def _of_both(series: Series, settings: RecordingSettings) -> tuple[int, int]:
+    """Return how many of input and output a bus has, and how many readings of them."""
+    counts: Counter[str] = Counter()
+    for place, readings in series.items():
+        for name in (place[1], ".".join(place)):
+            counts[name] = max(counts[name], _measured(readings))
+    both = [counts[column_of(name, counts, settings)] for name in (settings.input, settings.output)]
+    return sum(count > 0 for count in both), sum(both)
+
+
+def _measured(readings: Readings) -> int:
+    return int(np.isfinite(readings.values).sum())
+
+
+def _some(names: Sequence[str]) -> str:
+    return listed(names[:SHOWN]) + (f" and {len(names) - SHOWN} more" if len(names) > SHOWN else "")
 
 
 def _columns(
@@ -125,11 +171,8 @@ def _columns(
 ) -> dict[str, Readings]:
     gate = [settings.active_when.column] if settings.active_when else []
     asked = {settings.input, settings.output, *settings.columns, *gate}
-    series = {
-        place: Readings(np.round(np.frombuffer(collected.times_s[place]), DIGITS), np.frombuffer(values))
-        for place, values in collected.values.items()
-    }
-    measured = {place: int(np.isfinite(readings.values).sum()) for place, readings in series.items()}
+    series = _joined(collected, settings, asked, notes)
+    measured = {place: _measured(readings) for place, readings in series.items()}
     columns: dict[str, Readings] = {}
     aside = []
     for name in dict.fromkeys(name for _, name in series):
@@ -144,8 +187,7 @@ def _columns(
             elif place != best:
                 aside.append(qualified)
     if aside:
-        more = f" and {len(aside) - SHOWN} more" if len(aside) > SHOWN else ""
-        notes.append(f"second sources of a signal, left out unless named: {', '.join(aside[:SHOWN])}{more}")
+        notes.append(f"second sources of a signal, left out unless named: {_some(aside)}")
     message, command, active = COMMAND
     if settings.input == INPUT and not any(measured[place] for place in series if place[1] == INPUT):
         flags, commands = series.get((message, active)), series.get((message, command))

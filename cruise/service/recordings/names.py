@@ -26,4 +26,4 @@ def names_in(path: str | Path, settings: ReadingSettings) -> list[str]:
     if settings.database is None:
         return []
     heard = collect(frames_of_log(path, []), Decoder.load(settings.database, settings.can))
-    return list(dict.fromkeys(name for _, name in heard.values))
+    return list(dict.fromkeys(name for *_, name in heard.values))

@@ -19,7 +19,7 @@ from cruise.identification import families
 from cruise.identification.arx import condition_in_words
 from cruise.identification.covariance import standard_errors
 from cruise.identification.families import Linear
-from cruise.identification.least_squares import fitted_values, solve_rows, spread_mps
+from cruise.identification.least_squares import fitted_values, solve_rows, spread_mps, until_it_stays
 from cruise.identification.prediction_error import inverse_of, is_stable, reflected, search
 from cruise.identification.regressors import FitError, Rows, Smooth, model_rows
 from cruise.model.model import Model
@@ -72,6 +72,16 @@ def fit_armax(model: Model, nc: int, recordings: Sequence[Recording], smooth: Sm
     """The ARMAX model with `nc` noise parameters that fits all recordings best. Raises FitError."""
     if nc < 1:
         raise FitError(f"nc={nc}: an ARMAX model without a noise model is an ARX model, fit that")
+
+    def once(begun: Model) -> tuple[Model, Armax]:
+        found = _once(begun, nc, recordings, smooth)
+        return found.model, found
+
+    return until_it_stays(model, once)[1]
+
+
+def _once(model: Model, nc: int, recordings: Sequence[Recording], smooth: Smooth | None) -> Armax:
+    """The fit with columns as this model makes them."""
     rows = model_rows(model, recordings, smooth)
     size = rows.matrix.shape[1]
     count = len(rows.target)

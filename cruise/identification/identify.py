@@ -95,13 +95,16 @@ def identify(
     horizon_s: float = HORIZON_S,
     show: Show | None = None,
 ) -> Identification:
-    """Fit and judge. `start`: a model whose effects' shapes are where the search begins. Raises FitError."""
+    """Fit and judge. `start`: a model whose effects' shapes are where the search begins. Raises FitError.
+
+    How far its drive yields with the stroke stays as it is in `start`.
+    """
     period_s = preparation.period_s
     prepared = at_period(recordings, period_s)
     smooth = smoother(preparation, period_s)
     empty = structure.model(period_s)
     if start is not None:
-        empty = replace(empty, effects=start.effects)
+        empty = replace(empty, effects=start.effects, stroke_share=start.stroke_share)
     if show is not None:
         show(f"fitting {structure}")
     shaped = with_shapes(empty, prepared, smooth, show)

@@ -11,9 +11,9 @@ Identification, 2nd ed. 1999, sections 7.3 and 10.1; N. J. Higham, Accuracy and 
 ed. 2002, section 20.4.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, TypeVar
 
 import numpy as np
 
@@ -28,6 +28,8 @@ FILTERED: Final = 1e-13  # the same of filtered columns: below it only rounding 
 ROUNDS: Final = 50  # of least squares, at most, until what a drive yields by with its stroke stays the same,
 SETTLED: Final = 1e-6  # relative to it
 IN_COMBINATION: Final = 0.2  # weight, relative to the largest, from which a column belongs to a named combination
+
+Beside = TypeVar("Beside")
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,13 +120,18 @@ def fit(model: Model, recordings: Sequence[Recording], smooth: Smooth | None = N
 def fit_and_solution(
     model: Model, recordings: Sequence[Recording], smooth: Smooth | None = None
 ) -> tuple[Model, Solution]:
-    """The same with the solution of its last round: several, where the columns go by pole and gain themselves."""
-    found, solution = _once(model, recordings, smooth)
+    """The same with the solution of its last round."""
+    return until_it_stays(model, lambda begun: _once(begun, recordings, smooth))
+
+
+def until_it_stays(model: Model, once: Callable[[Model], tuple[Model, Beside]]) -> tuple[Model, Beside]:
+    """What a fit finds, and what it gives beside that; in rounds where its columns go by pole and gain themselves."""
+    found, beside = once(model)
     for _ in range(ROUNDS if model.stroke_share else 0):
-        before, (found, solution) = found, _once(found, recordings, smooth)
+        before, (found, beside) = found, once(found)
         if np.allclose(found.theta, before.theta, rtol=SETTLED, atol=0.0):
             break
-    return found, solution
+    return found, beside
 
 
 def _once(model: Model, recordings: Sequence[Recording], smooth: Smooth | None) -> tuple[Model, Solution]:

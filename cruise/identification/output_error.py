@@ -4,10 +4,10 @@
 
 w simulated speed in m/s, x_k (n,) the model's regression with simulated in place of measured speeds: y = B/F u + e,
 with F of order `na`. The simulation begins at the measured speeds of every stretch of a recording. Where no effect
-reads the speed and no gear moves the poles, the gradient is the columns filtered by 1/F; else forward differences of
-models that are simulated side by side: right, but sample by sample. Equation 5 of Coen et al. 2005; L. Ljung, System
-Identification, 2nd ed. 1999, sections 4.2 and 10.2; starts: K. Steiglitz, L. E. McBride, IEEE Trans. Automatic Control
-10 (1965) 461.
+reads the speed and neither gear nor stroke moves the poles, the gradient is the columns filtered by 1/F; else forward
+differences of models that are simulated side by side: right, but sample by sample. Equation 5 of Coen et al. 2005; L.
+Ljung, System Identification, 2nd ed. 1999, sections 4.2 and 10.2; starts: K. Steiglitz, L. E. McBride, IEEE Trans.
+Automatic Control 10 (1965) 461.
 """
 
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ from scipy import signal
 from cruise.identification.arx import condition_in_words
 from cruise.identification.covariance import standard_errors
 from cruise.identification.families import Linear
-from cruise.identification.least_squares import fitted, fitted_values, solve_rows, spread_mps
+from cruise.identification.least_squares import fit, fitted, fitted_values, solve_rows, spread_mps
 from cruise.identification.prediction_error import Found, inverse_of, is_stable, reflected, search
 from cruise.identification.regressors import Rows, Smooth, checked_signals, model_rows, rows_over, state_over
 from cruise.model import prediction
@@ -44,6 +44,8 @@ class OutputError(Linear):
 
 def fit_output_error(model: Model, recordings: Sequence[Recording], smooth: Smooth | None = None) -> OutputError:
     """The model of this structure that simulates all recordings best; `model.na` is the order of F. Raises FitError."""
+    if model.stroke_share:  # columns and the first sample of a simulation go by pole and gain
+        model = fit(model, recordings, smooth)
     rows = model_rows(model, recordings, smooth)
     if model.na == 0 and _simple(model, recordings):  # no recursion: simulation and regression are the same
         plain = solve_rows(rows, smooth)
@@ -60,7 +62,7 @@ def fit_output_error(model: Model, recordings: Sequence[Recording], smooth: Smoo
 
 def _simple(model: Model, recordings: Sequence[Recording]) -> bool:
     """Whether the simulation is a filter: poles that stay, and effects that don't read the speed."""
-    if model.reads_speed:
+    if model.reads_speed or model.stroke_share:
         return False
     for recording in recordings:
         pace = np.asarray(state_over(model, recording).pace)

@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cruise.effects import Effect, Inverse, Stage
-from cruise.effects.effect import State, Value
+from cruise.effects.effect import State, Value, clip
 from cruise.effects.stroke import factor
 from cruise.signals import Signals
 
@@ -48,9 +48,9 @@ def paces(effect: Effect, stroke_share: float) -> bool:
     return type(effect).pace is not Effect.pace and not (stroke_share and yields(effect))
 
 
-def stroke_pace(pole: float, yielding: Value) -> Value:
+def stroke_pace(pole: Value, yielding: Value) -> Value:
     """(1 - a^(1/l)) / (1 - a): the factor on a pole a > 0 of a drive that yields by l."""
-    return (1.0 - max(pole, 0.0) ** (1.0 / yielding)) / (1.0 - pole)
+    return (1.0 - clip(pole, 0.0, math.inf) ** (1.0 / yielding)) / (1.0 - pole)
 
 
 class ModelState(NamedTuple):
@@ -314,10 +314,10 @@ class Model:
         return theta[:na], theta[na : na + nb], theta[na + nb : -1], theta[-1]
 
     def drive_for(self, current_ma: float, state: ModelState, signals: Signals) -> float:
-        """f(u): the drive signal in mA that a current gives now."""
+        """f(u): the drive signal in mA that a current gives now, once a servo has followed it."""
         drive: float = current_ma
         for i, effect in self.command_effects:
-            drive, _ = effect.step(drive, state.speeds[0], signals, state.effects[i], self.period_s)
+            drive = effect.settled(drive, state.speeds[0], signals, state.effects[i], self.period_s)
         return drive
 
     def current_for(self, drive_ma: float, state: ModelState, signals: Signals, undo: Undo = exactly) -> Inverse:

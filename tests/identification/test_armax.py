@@ -13,6 +13,7 @@ from cruise.identification.preparation import PreparationSettings, smoother
 from cruise.model.model import Model
 from cruise.recording import Recording
 from cruise.signals import INPUT, OUTPUT
+from tests.identification.truth import STROKE_SHARE, STROKED, STROKED_MODEL, stroked
 from tools.benchmarks.recovery import SYSTEMS, currents, filtered, recording
 
 TRUTH = SYSTEMS["armax"].truth
@@ -177,3 +178,11 @@ def test_reflected_roots_keep_the_spectrum_and_come_inside():
     polynomial = np.array([1.0, -2.5, 1.0])  # roots 2 and 0.5
     np.testing.assert_allclose(np.sort(np.roots(reflected(polynomial))), [0.5, 0.5], atol=1e-6)
     assert np.abs(np.roots(reflected(np.array([1.0, -1.0])))).max() == pytest.approx(0.98)
+
+
+@pytest.mark.parametrize("start", [STROKED, (0.0, 0.0, 0.0)])
+def test_what_yields_with_the_stroke_comes_back(start):
+    """Noise of what is measured alone is nearly C = A: a moving average takes it out of the drive's parameters."""
+    found = fit_armax(STROKED_MODEL.with_theta(start), 1, [stroked(noise_mps=0.005)])
+    assert found.model.stroke_share == STROKE_SHARE
+    np.testing.assert_allclose(found.model.theta, STROKED, rtol=0.03)

@@ -21,6 +21,7 @@ from cruise.identification.whiteness import whiteness
 from cruise.model.model import Model
 from cruise.recording import Recording
 from cruise.signals import INPUT, OUTPUT
+from tests.identification.truth import STROKE_SHARE, STROKED_MODEL, stroked
 from tests.model.test_prediction import Drag
 from tools.benchmarks.recovery import SYSTEMS, currents, filtered, recording
 
@@ -91,6 +92,15 @@ def test_the_search_for_shapes_begins_where_it_is_told():
         "refining threshold_ma of dead_zone, edge_ma of dead_zone"
     )
     assert told[-1] == "judging on held-out part 5"
+
+
+@pytest.mark.parametrize("family", ["arx:na=1,nb=1", "armax:na=1,nb=1,nc=1", "oe:nf=1,nb=1"])
+def test_a_drive_that_yields_with_its_stroke_stays_one(family):
+    found = identify(parse(f"{family},delay_s=0.2"), [stroked(900, noise_mps=0.005)], RAW, STROKED_MODEL)
+    assert found.model is not None
+    assert found.model.stroke_share == STROKE_SHARE
+    assert found.held_out is not None
+    assert found.held_out.rmse_mps < 0.006, "the noise, and next to nothing of the drive"
 
 
 def test_held_out_is_what_each_fold_says_of_what_it_has_not_seen():

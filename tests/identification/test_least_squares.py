@@ -11,8 +11,16 @@ from cruise.identification.preparation import PreparationSettings, smoother
 from cruise.identification.regressors import Smooth, model_rows
 from cruise.model.model import Model
 from cruise.recording import Recording
-from cruise.signals import INPUT, OUTPUT
-from tests.identification.truth import MODEL, PERIOD_S, THETA, currents, recording
+from cruise.signals import OUTPUT
+from tests.identification.truth import (
+    MODEL,
+    STROKED,
+    STROKED_MODEL,
+    THETA,
+    currents,
+    recording,
+    stroked,
+)
 
 UNKNOWN = MODEL.with_theta((0.0,) * 4)
 
@@ -222,17 +230,7 @@ def test_an_unstable_fit_is_named():
 
 
 def test_what_yields_with_the_stroke_is_fitted_from_anywhere():
-    """By hand: l = 1 - s + s |y| / 1.5 m/s of the speed before, y_k = alpha (a y + b v + c) + (1 - alpha) y_(k-1)."""
-    share, (a, b_0, c_0) = 0.6, (0.7, 9e-4, -0.3)
-    current_ma, speed_mps = currents(1500, 3), np.zeros(1500)
-    for k in range(1, len(speed_mps)):
-        before_mps = speed_mps[k - 1]
-        felt = 1.0 + share * (b_0 * current_ma[k - 1] / (1.0 - a) / 1.5 - 1.0)
-        assert felt > 0.1
-        alpha = (1.0 - a ** (1.0 / felt)) / (1.0 - a)
-        speed_mps[k] = alpha * (a * before_mps + b_0 * current_ma[k - 1] + c_0) + (1.0 - alpha) * before_mps
-    drive = Recording(PERIOD_S * np.arange(1500), {INPUT: current_ma, OUTPUT: speed_mps}, PERIOD_S, "stroke.csv")
     for pole in (0.0, 0.3, 0.95):
-        model = Model(PERIOD_S, 1, 1, 1, (), (pole, 0.0, 0.0), stroke_share=share)
-        np.testing.assert_allclose(fit(model, [drive]).theta, (a, b_0, c_0), rtol=1e-4)
-        np.testing.assert_allclose(fit_arx(model, [drive]).model.theta, (a, b_0, c_0), rtol=1e-4)
+        model = STROKED_MODEL.with_theta((pole, 0.0, 0.0))
+        np.testing.assert_allclose(fit(model, [stroked()]).theta, STROKED, rtol=1e-4)
+        np.testing.assert_allclose(fit_arx(model, [stroked()]).model.theta, STROKED, rtol=1e-4)

@@ -11,6 +11,7 @@ from cruise.identification.preparation import PreparationSettings, smoother
 from cruise.model.model import Model
 from cruise.recording import Recording
 from cruise.signals import INPUT, OUTPUT
+from tests.identification.truth import STROKE_SHARE, STROKED, STROKED_MODEL, stroked
 from tests.model.test_prediction import Drag
 from tools.benchmarks.recovery import SYSTEMS, currents, filtered, recording
 
@@ -82,6 +83,15 @@ def test_gears_that_move_the_poles_come_back():
     found = fit_output_error(Model(0.2, 1, 2, 1, (GearRatio(1.4, 2.5, 4.4, 7.8),), (0.0,) * 4), [one])
     assert found.converged
     assert (np.abs(np.array(found.theta) - (0.8, 4e-4, 2e-4, -0.1)) < 3.0 * np.array(found.theta_std)).all()
+
+
+@pytest.mark.parametrize("start", [STROKED, (0.0, 0.0, 0.0)])
+def test_what_yields_with_the_stroke_comes_back(start):
+    one = stroked(600, noise_mps=0.02)
+    found = fit_output_error(STROKED_MODEL.with_theta(start), [one])
+    assert found.converged
+    assert found.model.stroke_share == STROKE_SHARE
+    assert (np.abs(np.array(found.theta) - STROKED) < 3.0 * np.array(found.theta_std)).all()
 
 
 def test_an_effect_that_reads_the_speed_reads_the_simulated_one():

@@ -44,3 +44,23 @@ def recording(samples: int = 600, seed: int = 0, noise_mps: float = 0.02, curren
         y[k] = alpha * (a * y[k - 1] + drive + c_0) + noise[k] + (1.0 - alpha) * y[k - 1]
     columns = {INPUT: current_ma, OUTPUT: y, "engine_speed_rpm": rpm, "gear": gear}
     return Recording(PERIOD_S * np.arange(samples), columns, PERIOD_S, "truth.csv")
+
+
+STROKE_SHARE, STROKED = 0.6, (0.7, 9e-4, -0.3)  # a_1, b_0, c_0 of a drive that yields with its stroke
+STROKED_MODEL = Model(PERIOD_S, 1, 1, 1, (), STROKED, stroke_share=STROKE_SHARE)
+
+
+def stroked(samples: int = 1500, noise_mps: float = 0.0) -> Recording:
+    """l = 1 - s + s K v_(k-1) / 1.5 m/s, K = b / (1 - a), y_k = alpha (a y + b v + c) + (1 - alpha) y_(k-1).
+
+    The noise is in what is measured, the drive does not feel it.
+    """
+    a, b_0, c_0 = STROKED
+    current_ma, speed_mps = currents(samples, 3), np.zeros(samples)
+    for k in range(1, samples):
+        before_mps = speed_mps[k - 1]
+        felt = 1.0 + STROKE_SHARE * (b_0 * current_ma[k - 1] / (1.0 - a) / 1.5 - 1.0)
+        alpha = (1.0 - a ** (1.0 / felt)) / (1.0 - a)
+        speed_mps[k] = alpha * (a * before_mps + b_0 * current_ma[k - 1] + c_0) + (1.0 - alpha) * before_mps
+    speed_mps += noise_mps * np.random.default_rng(4).standard_normal(samples)
+    return Recording(PERIOD_S * np.arange(samples), {INPUT: current_ma, OUTPUT: speed_mps}, PERIOD_S, "stroke.csv")

@@ -82,8 +82,6 @@ def tabulated(
     columns = {name: _last_of_each(time_s, values, keep) for name, values in raw.items() if name != time}
     time_s = time_s[keep]
     signals = _signals(source, columns, current, speed, settings, said, ("rows", "cells hold no number, not measured"))
-    if current not in settings.columns:
-        signals[INPUT] = _in_ma(current, signals[INPUT], said)
     return on_grid(time_s, signals, dt_s, source, tuple(said))
 
 
@@ -213,6 +211,8 @@ def _signals(
         notes.append(f"input set to 0 in {off} of {all_of_it}: {gate.column} is not above {gate.above:g}")
     for name in (INPUT, OUTPUT):
         notes.extend(_gap_notes(name, signals[name].time_s[~np.isnan(signals[name].values)]))
+    if current not in settings.columns:
+        signals[INPUT] = _in_ma(current, signals[INPUT], notes)
     return signals
 
 
@@ -224,7 +224,7 @@ def _in_ma(name: str, current: Readings, notes: list[str]) -> Readings:
     if not unit:
         return current
     small, in_file = f"{name}: {most:.3g} at most, no current in mA moves a machine", "in the file of --columns"
-    if name == INPUT:
+    if name.endswith("_ma"):
         notes.append(f"{small}; if it is {unit}, columns: {{{name}: {{scale: {scale:g}}}}} {in_file} reads it so")
         return current
     notes.append(

@@ -4,9 +4,9 @@ import msgspec
 import numpy as np
 import pytest
 
-from cruise.columns import ActiveWhen, ColumnSettings, RecordingSettings
+from cruise.columns import ActiveWhen, ColumnSettings, RecordingSettings, arranged
 from cruise.csv_file import read_csv
-from cruise.recording import RecordingError
+from cruise.recording import Readings, RecordingError
 from cruise.signals import INPUT, OUTPUT
 from tests.csv_files import PLAIN, csv_of, ramp
 
@@ -33,6 +33,20 @@ def test_an_input_that_is_no_current_counts_as_a_share_of_one(tmp_path, most, un
     scaled = RecordingSettings(columns={INPUT: ColumnSettings(scale=scale)})
     np.testing.assert_allclose(read_csv(named, scaled).input, read.input, rtol=1e-5)
     assert read_csv(named, scaled).notes == ()
+
+
+def test_an_input_with_times_of_its_own_counts_as_a_share_too():
+    time_s = 0.1 * np.arange(41)
+    columns = {"amps": Readings(time_s, 0.02 * np.arange(41)), OUTPUT: Readings(time_s, time_s)}
+    read = arranged("made up", columns, RecordingSettings(input="amps"), None)
+    np.testing.assert_allclose(read.input, 20.0 * np.arange(41))
+    assert "amps: 0.792 at most, no current in mA moves a machine; read as A or a share of all" in read.notes[0]
+    in_ma = {"Drive.command_ma": columns["amps"], OUTPUT: columns[OUTPUT]}
+    read = arranged("made up", in_ma, RecordingSettings(input="Drive.command_ma"), None)
+    np.testing.assert_allclose(read.input, 0.02 * np.arange(41))
+    assert "if it is A or a share of all, columns: {Drive.command_ma: {scale: 1000}}" in read.notes[0]
+    said = RecordingSettings(input="amps", columns={"amps": ColumnSettings(scale=1.0)})
+    np.testing.assert_allclose(arranged("made up", columns, said, None).input, 0.02 * np.arange(41))
 
 
 def test_a_current_under_another_name_is_taken_as_it_is(tmp_path):

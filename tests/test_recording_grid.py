@@ -124,7 +124,8 @@ def test_readings_out_of_order_or_repeated_are_counted_not_taken():
     speed = readings(0.1, lambda t: 2.0 * t)
     times = np.insert(speed.time_s, [10, 20, 30], [0.5, speed.time_s[20], np.nan])
     values = np.insert(speed.values, [10, 20, 30], [99.0, 99.0, 99.0])
-    read = arranged("made up", {INPUT: speed, OUTPUT: Readings(times, values)}, PLAIN, None)
+    current = readings(0.1, lambda t: 100.0 * t)
+    read = arranged("made up", {INPUT: current, OUTPUT: Readings(times, values)}, PLAIN, None)
     np.testing.assert_allclose(read.output, speed.values, atol=1e-9)
     assert read.notes == ("ground_speed_mps: 3 of 44 readings out of order or repeated, left out",)
 

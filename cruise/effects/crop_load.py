@@ -1,19 +1,19 @@
 """Crop load: threshing takes torque from the engine that the drive then lacks.
 
     phi_k = -c |c / c_0|^(p - 1) x_k,   x_k = clip(h x_(k-1) + y / y_c, -1, 1)
-    c = (load - l_0 - r |y| - q |y| dy/dt - k (dp - p_0) |y|) / 100 %, and where c_1 > 0, max(c - c_1, 0) in its place
+    c = (load - l_0 - r |y| - q y dy/dt - k (dp y - p_0 |y|)) / 100 %, and where c_1 > 0, max(c - c_1, 0) in its place
 
 c share of the engine's torque that crop takes, p power of it that is felt: 1 for a governor that gives way in
 proportion, more for an engine that lugs the more the more it carries, the same at c_0 = 0.3. load engine torque in
 percent of the torque available at this speed, y ground speed in m/s; l_0 in % is what engine, drum and fans take while
 nothing is cut, r in % per m/s and q in % per m2/s3 are what of the load the drive itself makes, rolling and
-accelerating, or k in % per bar m/s where the line pressure dp in bar is recorded, which shows soil, too; k and p_0,
-pressure in bar while nothing holds the machine, are told by the signals alone; what is taken so is felt through a
-low-pass of tau in s; c_1 is what the governor takes without giving way; x share of the loss that acts, as of any dry
-resistance (coulomb_friction), y_c speed in m/s at which all of it is there within a sample, h = exp(-T / 0.9 s) its
-memory: crop holds the machine back whichever way it goes and moves none that stands. Source: sections V.B and VI of
-Coen et al. 2005 ("in field conditions, where the engine faces higher loads"); the power of the load is an assumption of
-this program.
+accelerating, or k in % per bar m/s where the line pressure dp in bar (+ driving forward) is recorded, which shows soil,
+too; k and p_0, pressure in bar against the motion while nothing holds the machine, are told by the signals alone; what
+is taken so is felt through a low-pass of tau in s; c_1 is what the governor takes without giving way; x share of the
+loss that acts, as of any dry resistance (coulomb_friction), y_c speed in m/s at which all of it is there within a
+sample, h = exp(-T / 0.9 s) its memory: crop holds the machine back whichever way it goes and moves none that stands.
+Source: sections V.B and VI of Coen et al. 2005 ("in field conditions, where the engine faces higher loads"); the power
+of the load is an assumption of this program.
 """
 
 import math
@@ -65,8 +65,8 @@ class CropLoad(Effect):
         "every acceleration and every slope, so that it is a consequence of the motion before it is a cause. Believe "
         "in this effect only where the load changes while current and slope do not. What the crop takes, it takes from "
         "a machine that moves, in reverse too: no load of the engine pushes a standing machine backwards.",
-        equation="phi = -c |c / 0.3|^(p - 1) x, through a low-pass of tau,  c = (load - l_0 - r |y| - q |y| dy/dt - "
-        "k (dp - p_0) |y|) / 100 %,  x 1 forward, -1 in reverse, fading at rest",
+        equation="phi = -c |c / 0.3|^(p - 1) x, through a low-pass of tau,  c = (load - l_0 - r |y| - q y dy/dt - "
+        "k (dp y - p_0 |y|)) / 100 %,  x 1 forward, -1 in reverse, fading at rest",
         source="Coen et al. 2005, sections V.B and VI; the power is an assumption",
         signature="the residual follows minus the engine load, at constant current too and before the speed has moved",
         look_alikes=("power_limit", "engine_droop", "grade", "leakage"),
@@ -110,10 +110,11 @@ class CropLoad(Effect):
     def _taken(self, past_speed: Value, before_mps: Value, signals: Signals, dt_s: float) -> Value:
         """What is felt of the load less what runs empty, rolls and accelerates."""
         accel_mps2 = (past_speed - where(before_mps == before_mps, before_mps, past_speed)) / dt_s
-        more_bar = signals.get("line_pressure_bar", self.rest_bar) - self.rest_bar
-        more_bar = where(more_bar == more_bar, more_bar, 0.0)  # NaN: not measured
-        pct_per_mps = self.rolling_pct_per_mps + self.traction_pct_per_bar_mps * more_bar
-        own_pct = self.idle_pct + abs(past_speed) * (pct_per_mps + self.inertia_pct_per_m2ps3 * accel_mps2)
+        way_mps = abs(past_speed)
+        by_bar = signals.get("line_pressure_bar", math.nan) * past_speed - self.rest_bar * way_mps
+        by_bar = where(by_bar == by_bar, by_bar, 0.0)  # NaN: not measured
+        own_pct = self.idle_pct + self.rolling_pct_per_mps * way_mps + self.traction_pct_per_bar_mps * by_bar
+        own_pct = own_pct + self.inertia_pct_per_m2ps3 * past_speed * accel_mps2
         taken = 0.01 * (signals["engine_load_pct"] - own_pct)
         beyond = taken - 0.01 * self.onset_pct
         taken = where((self.onset_pct > 0.0) * (beyond < 0.0), 0.0, beyond)

@@ -51,6 +51,22 @@ def test_what_the_pressure_of_the_drive_takes_from_the_engine_is_no_crop():
         assert effect.step(0.0, 2.0, {"engine_load_pct": 50.0} | pressure, start, 0.2)[0] == pytest.approx(-0.5)
 
 
+@pytest.mark.parametrize("speed_mps", [2.0, -2.0])
+def test_the_drive_s_own_power_is_none_of_the_crop_s_in_reverse_either(speed_mps):
+    effect = CropLoad(
+        idle_pct=10.0,
+        rolling_pct_per_mps=4.0,
+        inertia_pct_per_m2ps3=6.0,
+        traction_pct_per_bar_mps=0.1,
+        rest_bar=20.0,
+    )
+    forward, accel_mps2 = math.copysign(1.0, speed_mps), math.copysign(0.5, speed_mps)  # quicker, whichever way
+    own_pct = 10.0 + 4.0 * 2.0 + 6.0 * 2.0 * 0.5 + 0.1 * (120.0 - 20.0) * 2.0
+    now = {"engine_load_pct": own_pct + 30.0, "line_pressure_bar": forward * 120.0}
+    before = (speed_mps - 0.2 * accel_mps2, math.nan, forward)
+    assert effect.step(0.0, speed_mps, now, before, 0.2)[0] == pytest.approx(-forward * 0.3)
+
+
 def test_the_crop_is_felt_through_a_lag():
     effect = CropLoad(filter_s=1.0)
     _, state = effect.step(0.0, 2.0, {"engine_load_pct": 0.0}, effect.start(0.0), 0.2)

@@ -4,6 +4,7 @@ A candump line is `(seconds) interface identifier#data`, with microseconds: a ti
 A log that ends in the middle, as one does when the power goes, gives all its whole frames before the error.
 """
 
+import gzip
 import sqlite3
 import struct
 import zlib
@@ -43,6 +44,14 @@ _UNREADABLE: Final = (
 
 class LogError(ValueError):
     """A log that cannot be read or written; the message names the file, the place in it where known, and what to do."""
+
+
+class BrokenLogError(LogError):
+    """A log that breaks off after whole frames, with nothing behind that could be read; `reason` says how."""
+
+    def __init__(self, place: str, reason: str) -> None:
+        super().__init__(f"{place}: {reason}")
+        self.reason = reason
 
 
 class LogWriter:
@@ -94,24 +103,43 @@ class LogWriter:
 def read_log(path: str | Path) -> Iterator[Frame]:
     """Yield the frames of a log in the order of the file: .log, .asc, .blf, .csv, .trc, ..., each also with .gz.
 
-    Raises LogError for a file that is missing, of another kind, or broken: after the frames before the break.
+    Raises LogError for a file that is missing, of another kind, or broken: after the frames before the break, and as
+    BrokenLogError where it is the file's end that is broken.
     """
     file = Path(path)
     if not file.is_file():
         raise LogError(f"{path}: no such file; give the path of a recorded log")
-    frames = 0
+    frames, goes_on, missing = 0, False, ""
     try:
         with can.LogReader(file) as reader:
-            for frame in reader:
-                yield frame
-                frames += 1
-            missing_bytes = reader.file_size - file.stat().st_size if isinstance(reader, can.BLFReader) else 0
+            try:
+                for frame in reader:
+                    yield frame
+                    frames += 1
+            except ValueError:  # a line that holds no frame
+                goes_on = isinstance(reader, can.CanutilsLogReader) and any(map(str.strip, reader.file))
+                raise
+            if isinstance(reader, can.BLFReader) and reader.file_size > file.stat().st_size:
+                missing = f"{reader.file_size - file.stat().st_size} bytes before its end"
+            if isinstance(reader, can.ASCReader) and _unfinished(file):
+                missing = "before the end of its trigger block"
     except _UNREADABLE as error:
-        raise LogError(f"{path}{_place(file, frames)}: cannot be read: {str(error) or type(error).__name__}") from error
-    if missing_bytes > 0:
-        raise LogError(f"{path}: ends after frame {frames}, {missing_bytes} bytes before its end; copy it again")
+        place, reason = f"{path}{_place(file, frames)}", f"cannot be read: {str(error) or type(error).__name__}"
+        if goes_on or not frames:
+            raise LogError(f"{place}: {reason}") from error
+        raise BrokenLogError(place, reason) from error
     if frames == 0:
         raise LogError(f"{path}: no CAN frame in it; is it a log of another kind?")
+    if missing:
+        raise BrokenLogError(str(path), f"ends after frame {frames}, {missing}; copy it again")
+
+
+def _unfinished(file: Path) -> bool:
+    """Return whether an .asc log begins a trigger block that it does not end."""
+    opened = gzip.open if file.suffix.lower() == ".gz" else open
+    with opened(file, "rt", errors="replace") as lines:
+        marks = [line.split()[0].lower() for line in lines if "triggerblock" in line.lower()]
+    return marks[-1:] == ["begin"]
 
 
 def _place(file: Path, frames: int) -> str:

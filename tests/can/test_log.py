@@ -8,7 +8,7 @@ import pytest
 
 from cruise.can.codec import Codec
 from cruise.can.frame import Frame
-from cruise.can.log import LogError, LogWriter, read_log
+from cruise.can.log import BrokenLogError, LogError, LogWriter, read_log
 from cruise.can.settings import CanSettings
 
 DBC = Path(__file__).parents[2] / "config" / "cruise.dbc"
@@ -105,14 +105,25 @@ def cut(path: Path, share: float) -> Path:
     return path
 
 
-@pytest.mark.parametrize("suffix", [".blf", ".log.gz"])
+@pytest.mark.parametrize("suffix", [".blf", ".log.gz", ".asc", ".asc.gz"])
 def test_a_file_that_was_cut_off(tmp_path: Path, suffix: str):
     path = tmp_path / f"drive{suffix}"
     with can.Logger(path) as logger:
         for frame in drive(5000):
             logger(frame)
-    with pytest.raises(LogError, match=rf"drive{suffix}.* (ends after frame|cannot be read)"):
+    with pytest.raises(BrokenLogError, match=rf"drive{suffix}.* (ends after frame|cannot be read)"):
         list(read_log(cut(path, 0.6)))
+
+
+def test_a_broken_line_with_more_behind_it_is_no_end(tmp_path: Path):
+    path = written(tmp_path / "drive.log", drive(3))
+    path.write_text(path.read_text() + "(1.\n\n")
+    with pytest.raises(BrokenLogError, match=":4: cannot be read"):
+        list(read_log(path))
+    path.write_text(path.read_text() + "(1.0) can0 0CF00400#FFFF\n")
+    with pytest.raises(LogError, match=":4: cannot be read") as caught:
+        list(read_log(path))
+    assert not isinstance(caught.value, BrokenLogError)
 
 
 @pytest.mark.filterwarnings("ignore:unclosed file:ResourceWarning")  # python-can's readers, on files that are none

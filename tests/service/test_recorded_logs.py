@@ -5,6 +5,7 @@ import pytest
 
 from cruise.can.codec import Codec
 from cruise.can.frame import Frame
+from cruise.can.log import LogError
 from cruise.can.settings import CanSettings
 from cruise.csv_file import write_csv
 from cruise.recording import RecordingError
@@ -168,6 +169,26 @@ def test_a_clock_that_was_set_is_a_pause(tmp_path):
     read = read_recording(logged(tmp_path / "drive.log", frames), BY_DBC)
     assert "taken as a pause of 5 s" in read.notes[0]
     assert read.time_s[-1] == pytest.approx(13.0, abs=0.1)
+
+
+@pytest.mark.parametrize("ending", [".log", ".log.gz", ".asc", ".asc.gz", ".blf"])
+def test_a_log_that_the_power_cut_short_is_read_up_to_there_and_it_is_said(tmp_path, ending):
+    path = logged(tmp_path / f"drive{ending}", drive(8.0))
+    path.write_bytes(path.read_bytes()[: int(0.7 * path.stat().st_size)])
+    read = read_recording(path, BY_DBC)
+    np.testing.assert_allclose(read.output, speed_mps(read.time_s - read.time_s[0]), atol=2e-3)
+    assert 2.0 < read.time_s[-1] < 7.5
+    assert any(note.startswith("ends broken at t=") for note in read.notes)
+
+
+def test_a_log_that_breaks_before_its_end_or_at_once_is_refused(tmp_path):
+    lines = logged(tmp_path / "drive.log", drive()).read_text().splitlines()
+    (tmp_path / "middle.log").write_text("\n".join([*lines[:300], lines[300][:20], *lines[301:]]))
+    with pytest.raises(LogError, match=r"middle\.log:301: cannot be read"):
+        read_recording(tmp_path / "middle.log", BY_DBC)
+    (tmp_path / "first.log").write_text(lines[0][:20])
+    with pytest.raises(LogError, match=r"first\.log:1: cannot be read"):
+        read_recording(tmp_path / "first.log", BY_DBC)
 
 
 def test_too_few_frames_are_too_few(tmp_path):

@@ -19,7 +19,7 @@ import numpy as np
 
 from cruise.can.decoder import Decoder
 from cruise.can.frame import Frame, FrameFault
-from cruise.can.log import read_log
+from cruise.can.log import BrokenLogError, read_log
 from cruise.can.messages import FAST_MESSAGE
 from cruise.columns import RecordingSettings, arranged, column_of
 from cruise.recording import Readings, Recording, RecordingError, listed
@@ -92,18 +92,24 @@ def collect(frames: Iterable[Frame], decoder: Decoder) -> Collected:
 
 
 def frames_of_log(path: str | Path, notes: list[str]) -> Iterator[Frame]:
-    """Yield the frames of a log, times from zero; a clock that was set in the middle of it becomes a pause, noted."""
+    """Yield the frames of a log, times from zero; a clock that was set in the middle of it becomes a pause, noted.
+
+    A log that breaks off, as one does when the power goes, ends there, noted too.
+    """
     origin_s, last_s = math.nan, 0.0
-    for frame in read_log(path):
-        if math.isnan(origin_s):
-            origin_s = math.floor(frame.timestamp)  # whole seconds: where a tick fell, it falls again
-        step_s = frame.timestamp - origin_s - last_s
-        if step_s > PAUSE_S or step_s < -BACK_S:
-            notes.append(f"time steps by {step_s:.1f} s at t={last_s:.1f} s; taken as a pause of {PAUSE_S:g} s")
-            origin_s += step_s - PAUSE_S
-        frame.timestamp -= origin_s
-        last_s = max(frame.timestamp, last_s)
-        yield frame
+    try:
+        for frame in read_log(path):
+            if math.isnan(origin_s):
+                origin_s = math.floor(frame.timestamp)  # whole seconds: where a tick fell, it falls again
+            step_s = frame.timestamp - origin_s - last_s
+            if step_s > PAUSE_S or step_s < -BACK_S:
+                notes.append(f"time steps by {step_s:.1f} s at t={last_s:.1f} s; taken as a pause of {PAUSE_S:g} s")
+                origin_s += step_s - PAUSE_S
+            frame.timestamp -= origin_s
+            last_s = max(frame.timestamp, last_s)
+            yield frame
+    except BrokenLogError as broken:
+        notes.append(f"ends broken at t={last_s:.1f} s: {broken.reason}")
 
 
 def _losses(collected: Collected) -> list[str]:

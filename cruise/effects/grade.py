@@ -1,16 +1,16 @@
 """Grade: on a slope, a part of the machine's weight pulls along the ground.
 
-    phi = -h(p) p (1 + s (m / m_0 - 1)) (1 + q (|v| / v_0 - 1)),   h = 1 uphill, d downhill
+    phi = -h p (1 + s (m / m_0 - 1)) (1 + q (|v| / v_0 - 1)),   h = d downhill (p v < 0), else 1
 
 p slope less r times the acceleration, in m/s2 through a low-pass of tau as in `pull`, r what of it the pitch sensor
 takes for slope; m mass in kg (m_0 where it is not measured), m_0 = 15000 kg, s share of the mass; the last factor as in
-`stroke`, v through the same low-pass; d what a slope does downhill over what it does uphill, where a brake valve holds
-the machine back. Source: equations 2 and 9 and Table VI of Coen et al. 2005: F_G = m g sin(alpha).
+`stroke`, v in m/s through the same low-pass, + forward; d what a slope does downhill over what it does uphill, where a
+brake valve holds the machine back. Source: equations 2 and 9 and Table VI of Coen et al. 2005: F_G = m g sin(alpha).
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Final
 
 import numpy as np
 
@@ -19,6 +19,8 @@ from cruise.effects.low_pass import followed_across, followed_over, held_over
 from cruise.effects.pull import pull, unknown
 from cruise.effects.stroke import STROKE_SHARE, factor
 from cruise.signals import OUTPUT, Signals
+
+REVERSE_MPS: Final = -0.05  # m/s: less is the noise of a machine that stands, and counts as forward
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +82,8 @@ class Grade(Effect):
 
     def _load(self, pull_mps2: Value, mass_kg: Value, speed_mps: Value) -> Value:
         """phi in m/s2."""
-        pull_mps2 = pull_mps2 * where(pull_mps2 < 0.0, self.downhill_share, 1.0)
+        downhill = where(speed_mps < REVERSE_MPS, pull_mps2 > 0.0, pull_mps2 < 0.0)  # NaN: forward
+        pull_mps2 = pull_mps2 * where(downhill, self.downhill_share, 1.0)
         return -pull_mps2 * (1.0 + self.mass_share * (mass_kg / EMPTY_KG - 1.0)) * factor(self.stroke_share, speed_mps)
 
     def over(

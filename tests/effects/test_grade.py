@@ -71,6 +71,18 @@ def test_a_recorded_mass_is_used_and_one_that_is_not_recorded_is_not_missed(furt
     assert set(checked_signals(model, recording)) == {"pitch_deg", "ground_speed_mps", *further}
 
 
-def test_a_valve_may_hold_the_machine_downhill():
-    assert phi(Grade(downhill_share=0.2), pitch_deg=30.0) == pytest.approx(-4.905)
-    assert phi(Grade(downhill_share=0.2), pitch_deg=-30.0) == pytest.approx(0.2 * 4.905)
+@pytest.mark.parametrize(
+    ("speed_mps", "held_at"),
+    [(2.0, -30.0), (0.0, -30.0), (-0.02, -30.0), (math.nan, -30.0), (-2.0, 30.0)],  # 0.02 m/s is noise at a standstill
+)
+def test_a_valve_may_hold_the_machine_downhill_whichever_way_it_goes(speed_mps, held_at):
+    effect = Grade(downhill_share=0.2)
+    for pitch_deg in (30.0, -30.0):
+        signals = {"pitch_deg": pitch_deg, "ground_speed_mps": speed_mps}
+        _, state = effect.step(0.0, 9.0, signals, effect.start(0.0), 0.2)
+        left = 0.2 if pitch_deg == held_at else 1.0
+        assert effect.step(0.0, 9.0, signals, state, 0.2)[0] == pytest.approx(-left * math.copysign(4.905, pitch_deg))
+    recorded = {"pitch_deg": np.repeat([30.0, -30.0], 4), "ground_speed_mps": np.full(8, speed_mps)}
+    whole, _ = effect.over(0.0, recorded["ground_speed_mps"], recorded, 0.2)
+    expected = [-left * 4.905 for left in ((0.2, -1.0) if held_at > 0.0 else (1.0, -0.2))]
+    np.testing.assert_allclose(whole[[3, 7]], expected)

@@ -82,7 +82,7 @@ class Grade(Effect):
 
     def _load(self, pull_mps2: Value, mass_kg: Value, speed_mps: Value) -> Value:
         """phi in m/s2."""
-        downhill = where(speed_mps < REVERSE_MPS, pull_mps2 > 0.0, pull_mps2 < 0.0)  # NaN: forward
+        downhill = (pull_mps2 < 0.0) ^ (speed_mps < REVERSE_MPS)  # a speed that is not known is forward
         pull_mps2 = pull_mps2 * where(downhill, self.downhill_share, 1.0)
         return -pull_mps2 * (1.0 + self.mass_share * (mass_kg / EMPTY_KG - 1.0)) * factor(self.stroke_share, speed_mps)
 

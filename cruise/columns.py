@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
-from cruise.grid import typical_step
+from cruise.grid import other_rates, typical_step
 from cruise.recording import MIN_SAMPLES, Readings, Recording, RecordingError, listed, on_grid
 from cruise.sampling import FloatArray, stale_after
 from cruise.signals import CONTEXT, INPUT, OUTPUT, SIGNALS
@@ -210,7 +210,8 @@ def _signals(
         all_of_it = f"{len(signals[INPUT].values)} {of_what}"
         notes.append(f"input set to 0 in {off} of {all_of_it}: {gate.column} is not above {gate.above:g}")
     for name in (INPUT, OUTPUT):
-        notes.extend(_gap_notes(name, signals[name].time_s[~np.isnan(signals[name].values)]))
+        measured_s = signals[name].time_s[~np.isnan(signals[name].values)]
+        notes.extend(_gap_notes(name, measured_s) + _rate_notes(name, measured_s))
     if current not in settings.columns:
         signals[INPUT] = _in_ma(current, signals[INPUT], notes)
     return signals
@@ -347,3 +348,15 @@ def _gap_notes(name: str, time_s: FloatArray) -> list[str]:
     gaps = np.flatnonzero(steps > stale_after(typical_step(time_s)))
     notes = [f"{name}: gap of {steps[at]:.3g} s at t={time_s[at]:.10g} s" for at in gaps[:MAX_GAP_NOTES]]
     return notes + [f"{name}: {len(gaps) - MAX_GAP_NOTES} gaps more"] * (len(gaps) > MAX_GAP_NOTES)
+
+
+def _rate_notes(name: str, time_s: FloatArray) -> list[str]:
+    from_s, steps = other_rates(time_s)
+    other = np.isfinite(steps)
+    if not other.any():
+        return []
+    first, typical_s = int(np.argmax(other)), typical_step(time_s)
+    return [
+        f"{name}: comes every {steps[first]:.3g} s instead of {typical_s:.3g} s from t={from_s[first]:.10g} s on, "
+        f"{100.0 * other.mean():.0f} % of it at another rate"
+    ]

@@ -3,18 +3,37 @@
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
 from cruise.sampling import FloatArray, Kind
 
 SAME_STEP: Final = 1e-3  # relative; steps that differ less are one step, written with few digits
 ROUNDING: Final = 1e-6  # of a grid step; what number formats do to time stamps over a whole file
 NEAR_STEP: Final = 0.02  # relative; a clock and jitter of this size hide the rate that was meant
+OTHER_STEP: Final = 0.5 + SAME_STEP  # relative; a step that differs more is a gap, or one at another rate
+BLOCK: Final = 20  # steps in a row that are at another rate, where their median is
+AROUND: Final = 5.0  # grid steps before and behind an instant in which readings are counted
 
 
 def typical_step(time_s: FloatArray) -> float:
-    """Return the mean step in s without gaps: unlike the median it sees through time stamps of few digits."""
+    """Return the mean step in s at the commonest rate: unlike the median it sees through time stamps of few digits."""
     steps = np.diff(time_s)
-    return float(np.mean(steps[steps <= 1.5 * np.median(steps)])) if len(steps) else 0.0
+    median = np.median(steps) if len(steps) else 0.0
+    return float(np.mean(steps[np.abs(steps - median) <= OTHER_STEP * median])) if len(steps) else 0.0
+
+
+def other_rates(time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return when and in which steps in s readings come at another rate than most, a block of them each; NaN: not."""
+    steps, typical_s = np.diff(time_s), typical_step(time_s)
+    whole = len(steps) // BLOCK * BLOCK
+    blocks = np.median(steps[:whole].reshape(-1, BLOCK), axis=1)
+    return time_s[:whole:BLOCK], np.where(np.abs(blocks - typical_s) > OTHER_STEP * typical_s, blocks, np.nan)
+
+
+def denser(time_s: FloatArray, grid_s: FloatArray, dt_s: float, coarser: float) -> npt.NDArray[np.bool_]:
+    """Return where on the grid (N,) readings come so fast that `dt_s` is more than `coarser` times their step."""
+    before, behind = (np.searchsorted(time_s, grid_s + side * AROUND * dt_s) for side in (-1.0, 1.0))
+    return behind - before > 2.0 * AROUND * coarser
 
 
 def sensible_step(time_s: FloatArray, step_s: float) -> float:

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from cruise.grid import SAME_STEP, between, sensible_step, snapped, typical_step
+from cruise.grid import SAME_STEP, between, denser, sensible_step, snapped, typical_step
 from cruise.sampling import FloatArray, Kind, kind_of, means, stale_after
 from cruise.signals import INPUT, OUTPUT, SIGNALS
 
@@ -160,12 +160,14 @@ def on_grid(
             kind = Kind.HELD
         if averaged:
             gridded[name] = means(times, known, grid_s, dt_s, kind, stale_after(step_s))
-        elif dt_s > COARSER * step_s and kind is not Kind.STATE:
+            continue
+        values = between(times, known, grid_s, EARLY * dt_s, kind, stale_after(step_s))
+        fast = np.full(len(grid_s), dt_s > COARSER * step_s) | denser(times, grid_s, dt_s, COARSER)
+        if kind is not Kind.STATE and fast.any():
             # Faster than the grid: what is taken at the instant is a mean around it, what is held acts from it on.
-            until_s = grid_s + (dt_s if kind is Kind.HELD else 0.5 * dt_s)
-            gridded[name] = means(times, known, until_s, dt_s, kind, stale_after(step_s))
-        else:
-            gridded[name] = between(times, known, grid_s, EARLY * dt_s, kind, stale_after(step_s))
+            until_s = grid_s[fast] + (dt_s if kind is Kind.HELD else 0.5 * dt_s)
+            values[fast] = means(times, known, until_s, dt_s, kind, stale_after(step_s))
+        gridded[name] = values
     return Recording(grid_s, gridded, dt_s, source, notes, base_s, averaged)
 
 

@@ -120,6 +120,33 @@ def test_a_current_that_comes_faster_acts_from_its_grid_time_on():
     np.testing.assert_allclose(resample(read, 0.2).input, at_once.input, atol=1e-9)
 
 
+def test_where_the_rate_changes_the_commoner_one_is_the_grids_and_the_denser_readings_are_averaged():
+    time_s = np.concatenate([0.1 * np.arange(600), 60.0 + 0.01 * np.arange(401)])
+    shaking = np.where(time_s < 60.0, 1.0, 1.0 + 0.5 * np.sin(2 * np.pi * 31.0 * time_s))
+    currents = np.concatenate([np.full(600, 500.0), np.random.default_rng(9).uniform(300.0, 900.0, 401)])
+    read = arranged("made up", {INPUT: Readings(time_s, currents), OUTPUT: Readings(time_s, shaking)}, PLAIN, None)
+    assert read.dt_s == pytest.approx(0.1)
+    assert not read.averaged
+    np.testing.assert_allclose(read.output[:595], 1.0)
+    assert read.output[605:-5].std() < 0.05  # of 0.35 at 100 Hz; at its instants it would be that of 1 Hz
+    np.testing.assert_allclose(read.input[600:639], currents[600:990].reshape(39, 10).mean(axis=1))
+    assert read.notes == tuple(
+        f"{name}: comes every 0.01 s instead of 0.1 s from t=60 s on, 40 % of it at another rate"
+        for name in (INPUT, OUTPUT)
+    )
+    slowed = np.concatenate([0.05 * np.arange(600), 30.0 + 0.15 * np.arange(201)])
+    notes = arranged("made up", {name: Readings(slowed, 500.0 + slowed) for name in (INPUT, OUTPUT)}, PLAIN, None).notes
+    assert f"{INPUT}: comes every 0.15 s instead of 0.05 s from t=30 s on, 25 % of it at another rate" in notes
+
+
+def test_a_step_that_stamps_of_few_digits_halve_is_no_change_of_rate():
+    time_s = np.floor(np.arange(801) / 0.6 + 1e-6) / 100.0  # 60 Hz, in steps of 0.02, 0.02 and 0.01 s
+    columns = {name: Readings(time_s, 500.0 + time_s) for name in (INPUT, OUTPUT)}
+    read = arranged("made up", columns, PLAIN, None)
+    assert read.dt_s == pytest.approx(1 / 60)
+    assert read.notes == ()
+
+
 def test_readings_out_of_order_or_repeated_are_counted_not_taken():
     speed = readings(0.1, lambda t: 2.0 * t)
     times = np.insert(speed.time_s, [10, 20, 30], [0.5, speed.time_s[20], np.nan])

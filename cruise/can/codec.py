@@ -76,10 +76,13 @@ class Codec:
             return _UNKNOWN
         data = frame.data[: database.FRAME_BYTES]
         fault = self._fault_of(layout, frame.arbitration_id & 0xFF, data)
-        if fault is not None:
-            return Decoded(layout.name, fault=fault)
-        raw = layout.message.decode_simple(bytes(data), decode_choices=False, scaling=False)
-        return Decoded(layout.name, _readings(layout, raw, frame.timestamp))
+        return Decoded(layout.name, self.readings(frame, layout.name) if fault is None else (), fault)
+
+    def readings(self, frame: Frame, message: str) -> tuple[Reading, ...]:
+        """Return what `frame` holds as `message`, whatever its counter and CRC say; it has to be long enough."""
+        layout, data = self._by_name[message], bytes(frame.data[: database.FRAME_BYTES])
+        raw = layout.message.decode_simple(data, decode_choices=False, scaling=False)
+        return _readings(layout, raw, frame.timestamp)
 
     def encode(self, message: str, values: Mapping[str, float], time_s: float) -> Frame:
         """Return the frame of `message` with `values` by signal name, in the signals' units; NaN: not available.

@@ -9,6 +9,7 @@ something else from every controller. What isn't J1939 has no value that means "
 """
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -54,9 +55,14 @@ class Decoder:
         return cls(codec, (layout.name for layout in found.layouts), found.others, found.problems)
 
     def decode(self, frame: Frame) -> Decoded:
-        """Return the readings in `frame`, at its timestamp; never raises, whatever was on the bus."""
+        """Return the readings in `frame`, at its timestamp; never raises, whatever was on the bus.
+
+        A frame whose counter jumped has its readings beside that fault: loggers thin out.
+        """
         self._codec.state = self._counters.setdefault(str(frame.channel), CodecState())
         decoded = self._codec.decode(frame)
+        if decoded.fault is FrameFault.COUNTER_JUMPED and decoded.message is not None:
+            return replace(decoded, readings=self._codec.readings(frame, decoded.message))
         if decoded.fault is not FrameFault.UNKNOWN:
             return decoded
         message = self._exact.get((frame.arbitration_id, frame.is_extended_id))

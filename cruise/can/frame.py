@@ -9,7 +9,7 @@ Frame = can.Message
 
 
 class FrameFault(StrEnum):
-    """Why a frame was not taken. Where there is a fault, there are no readings."""
+    """Why a frame was not taken. Where there is a fault, there are no readings; in a log a counter may have jumped."""
 
     UNKNOWN = "unknown"  # not one of our messages; the bus is full of such frames, this is no error
     ERROR_FRAME = "error_frame"  # the controller reports a fault on the wire

@@ -63,6 +63,18 @@ def test_ours_are_the_codecs_matter(decoder):
     assert decoder.problems == ()
 
 
+def test_a_frame_whose_counter_jumped_is_read_with_that_and_one_that_repeats_it_is_not(path):
+    sender, decoder = Codec.load(DBC, CanSettings()), Decoder.load(path, CanSettings())
+    frames = [sender.encode("DriveFeedback", {"pump_current_ma": 100.0 * k}, float(k)) for k in range(11)]
+    assert decoder.decode(frames[0]).fault is None
+    jumped = decoder.decode(frames[5])
+    assert jumped.fault is FrameFault.COUNTER_JUMPED
+    assert Reading("pump_current_ma", 5.0, 500.0) in jumped.readings
+    assert decoder.decode(frames[5]) == Decoded("DriveFeedback", fault=FrameFault.COUNTER_REPEATED)
+    frames[10].data[4] ^= 1
+    assert decoder.decode(frames[10]) == Decoded("DriveFeedback", fault=FrameFault.BAD_CRC)
+
+
 def test_a_further_j1939_message_comes_from_anybody_and_keeps_the_ranges_of_the_standard(decoder):
     data = (600).to_bytes(2, "little") + (-250).to_bytes(2, "little", signed=True) + bytes([0b01, 31, 0, 0])
     for source in (0xF0, 0x21):

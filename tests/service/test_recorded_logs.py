@@ -154,12 +154,25 @@ def test_nothing_is_lost_in_silence(tmp_path):
     assert "1 frames: error frame" in notes
     assert "DriveFeedback: 1 frames dropped, bad crc" in notes
     assert "DriveFeedback: 40 frames dropped, wrong source" in notes
-    assert "DriveFeedback: 1 frames dropped, counter jumped" in notes
+    assert "DriveFeedback: 1 frames taken though some before them are missing, counter jumped" in notes
     assert "1 frames of identifiers that the database does not describe: 0x123 (1)" in notes
     assert any(note.startswith("gear: 1 of ") and "out of order" in note for note in notes)
-    assert any(note.startswith("ground_speed_mps: gap of 2.1 s at t=3.95 s") for note in notes)
+    assert any(note.startswith("ground_speed_mps: gap of 2.05 s at t=3.95 s") for note in notes)
     assert np.isnan(read.output[(read.time_s > 4.0) & (read.time_s < 6.0)]).all()
     assert (read.columns["gear"][:-1] == 2.0).all()
+
+
+def test_a_logger_that_keeps_every_fifth_frame_keeps_readings(tmp_path):
+    frames = drive(8.0)
+    feedback = [frame for frame in frames if frame.arbitration_id & 0x00FFFF00 == 0x00FF1000]
+    frames = [frame for frame in frames if frame not in feedback or frame in feedback[::5]]
+    repeated = Frame(arbitration_id=feedback[5].arbitration_id, data=feedback[5].data, timestamp=START_S + 0.3)
+    frames = sorted([*frames, repeated], key=lambda frame: frame.timestamp)
+    read = read_recording(logged(tmp_path / "drive.log", frames), BY_DBC)
+    assert read.dt_s == pytest.approx(5 * STEP_S)
+    np.testing.assert_allclose(read.output, speed_mps(read.time_s), atol=2e-3)
+    assert "DriveFeedback: 32 frames taken though some before them are missing, counter jumped" in read.notes
+    assert "DriveFeedback: 1 frames dropped, counter repeated" in read.notes
 
 
 def test_a_clock_that_was_set_is_a_pause(tmp_path):

@@ -82,12 +82,11 @@ def collect(frames: Iterable[Frame], decoder: Decoder) -> Collected:
             collected.unknown[frame.arbitration_id, frame.is_extended_id] += 1
         elif decoded.fault is not None:
             collected.faults[decoded.message or "", decoded.fault] += 1
-        else:
-            channel, message = str(frame.channel), decoded.message or ""
-            for reading in decoded.readings:
-                place = channel, message, reading.name
-                times_s[place].append(reading.time_s)
-                values[place].append(reading.value)
+        channel, message = str(frame.channel), decoded.message or ""
+        for reading in decoded.readings:
+            place = channel, message, reading.name
+            times_s[place].append(reading.time_s)
+            values[place].append(reading.value)
     return collected
 
 
@@ -116,7 +115,9 @@ def _losses(collected: Collected) -> list[str]:
     said = []
     for (message, fault), count in sorted(collected.faults.items()):
         reason = str(fault).replace("_", " ")
-        said.append(f"{message}: {count} frames dropped, {reason}" if message else f"{count} frames: {reason}")
+        jumped = fault is FrameFault.COUNTER_JUMPED
+        done = "taken though some before them are missing" if jumped else "dropped"
+        said.append(f"{message}: {count} frames {done}, {reason}" if message else f"{count} frames: {reason}")
     if collected.unknown:
         ids = [
             f"0x{number:0{8 if extended else 3}X} ({count})"

@@ -28,6 +28,8 @@ RAMP_S: Final = 120.0  # of the slow ramp through all currents
 STILL: Final = 0.01  # of the current's range: a command effect that changes less over a slow ramp acts on changes only
 BEFORE_S, AFTER_S = 1.0, 7.0  # of the response to a step
 SPARE: Final = 1e-4  # of a number's scale, for the derivatives of a curve
+SURE: Final = 2.0  # standard errors of a band
+BESIDE: Final = 0.05  # of an axis, left free at both ends
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +44,26 @@ class Curve:
     x_unit: str
     y_words: str
     driven: np.ndarray | None  # the recorded values of x
+
+    @property
+    def bands(self) -> tuple[tuple[np.ndarray, np.ndarray, np.ndarray], ...]:
+        """x, y - 2 s and y + 2 s, one for each way where x runs up and back; none where s is not known."""
+        if self.std is None:
+            return ()
+        low, high = self.y - SURE * self.std, self.y + SURE * self.std
+        back = np.flatnonzero(np.diff(self.x) <= 0.0)[:1] + 1
+        ways = np.split(np.arange(len(self.x)), back)
+        return tuple((self.x[way], low[way], high[way]) for way in ways)
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """The ends of an axis of y; a band is cut off where it reaches farther beyond the curves than they span."""
+        curves = np.concatenate([self.y, self.without])
+        edges = np.concatenate([curves, *(edge for _, *both in self.bands for edge in both)])
+        span = np.ptp(curves)
+        low, high = max(edges.min(), curves.min() - span), min(edges.max(), curves.max() + span)
+        beside = BESIDE * (high - low) or BESIDE
+        return float(low - beside), float(high + beside)
 
 
 Evaluate = Callable[[Explanation], np.ndarray]

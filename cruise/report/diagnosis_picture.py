@@ -49,9 +49,10 @@ def draw(found: Diagnosis, floor: NoiseFloor, path: Path) -> Path:
     figure_.suptitle(title, x=0.01, ha="left", fontsize="large", fontweight="bold")
     parts: Any = figure_.subfigures(len(heights), 1, height_ratios=heights)
     _minute(parts[0], found, floor, shown)
-    for part, one in zip(parts[1:-1], shown, strict=True):
+    several = len(shown) > 1 and found.verdict is not Verdict.AMBIGUOUS
+    for place, (part, one) in enumerate(zip(parts[1:-1], shown, strict=True), 1):
         left, right = part.subplots(1, 2)
-        _signature(left, found, one)
+        _signature(left, found, one, f"step {place}: " if several else "")
         _curve(right, found, one)
     _ranking(parts[-1], found, floor)
     figure_.savefig(path, dpi=DPI)
@@ -152,7 +153,7 @@ def telling_stretch(found: Diagnosis, after: Judged) -> tuple[int, slice]:
     return best[1], best[2]
 
 
-def _signature(axis: Any, found: Diagnosis, one: Rung) -> None:
+def _signature(axis: Any, found: Diagnosis, one: Rung, step: str) -> None:
     """The residual before and after over what the effect changes in the prediction."""
     before, after = one.before.error_mps, one.after.error_mps
     signature = before - after
@@ -166,7 +167,7 @@ def _signature(axis: Any, found: Diagnosis, one: Rung) -> None:
         axis.fill_between(middles, ten, ninety, color=color, alpha=0.2, lw=0)
         axis.plot(middles, median, color=color, marker=marker, ms=4, lw=1.4, label=f"{label}: median, 10 to 90 %")
     name = _added(found, one.added)
-    axis.set_title(f"what the model leaves, against the signature of {name}", loc="left", fontsize="medium")
+    axis.set_title(f"{step}what the model leaves, against the signature of {name}", loc="left", fontsize="medium")
     axis.set_xlabel(f"change of the predicted speed by {name} (m/s)")
     axis.set_ylabel("measured - predicted (m/s)")
     bottom, top = axis.get_ylim()
@@ -187,7 +188,8 @@ def binned(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.nda
 def _curve(axis: Any, found: Diagnosis, one: Rung) -> None:
     """What the effect does, as fitted, over what was driven."""
     name = one.added[0]
-    drawn = curve(found.study, one.before, one.after, name)
+    fit = evidence.fit_of(found, name, one.after)
+    drawn = curve(found.study, one.before, fit, name)
     few = drawn.driven is not None and len(drawn.x) <= 6
     style = {"marker": "o", "lw": 0.8} if few else {"lw": 1.6}
     if drawn.driven is not None:
@@ -205,13 +207,13 @@ def _curve(axis: Any, found: Diagnosis, one: Rung) -> None:
         axis.patch.set_visible(False)
     axis.plot(drawn.x, drawn.without, color=ORANGE, lw=1.2, ls="--", label="without")
     axis.plot(drawn.x, drawn.y, color=BLUE, label="with", **style)
-    if drawn.std is not None:
-        band = 2.0 * drawn.std
-        axis.fill_between(
-            drawn.x, drawn.y - band, drawn.y + band, color=BLUE, alpha=0.2, lw=0, label="± 2 standard errors"
-        )
+    for place, (x, low, high) in enumerate(drawn.bands):
+        label = {"label": "± 2 standard errors"} if place == 0 else {}
+        axis.fill_between(x, low, high, color=BLUE, alpha=0.2, lw=0, **label)
+    axis.set_ylim(drawn.limits)
+    last = " with all of them" if len(found.effects) > 1 and fit is found.final else ""
     beside = "; grey: how often it was driven" if drawn.driven is not None else ""
-    axis.set_title(f"{_added(found, [name])}, as fitted{beside}", loc="left", fontsize="medium")
+    axis.set_title(f"{_added(found, [name])}, as fitted{last}{beside}", loc="left", fontsize="medium")
     axis.set_xlabel(f"{drawn.x_name} ({drawn.x_unit})" if drawn.x_unit else drawn.x_name)
     axis.set_ylabel(drawn.y_words)
     axis.grid(alpha=0.3)

@@ -10,7 +10,7 @@ import numpy as np
 
 from cruise.recording import Recording
 from cruise.validation.candidates import UNNAMED, owner
-from cruise.validation.diagnose import Diagnosis
+from cruise.validation.diagnose import Diagnosis, Verdict
 from cruise.validation.explanation import CORE, RESONANCE, Explanation
 from cruise.validation.noise_floor import NoiseFloor, noise_floor
 from cruise.validation.search import Judged
@@ -69,6 +69,12 @@ def members(explanation: Explanation) -> tuple[str, ...]:
 def first_tried(found: Diagnosis, name: str) -> Tried | None:
     """An effect beside the model as it was given; None where it was not tried."""
     return tried_in(found.steps[0], name)
+
+
+def fit_of(found: Diagnosis, name: str, tried: Judged) -> Judged:
+    """The fit that says what an effect does: the final one if it holds it; of look-alikes each as it was tried."""
+    holds = found.verdict is not Verdict.AMBIGUOUS and name in members(found.final.explanation)
+    return found.final if holds else tried
 
 
 def best_named(found: Diagnosis) -> Tried | None:

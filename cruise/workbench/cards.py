@@ -46,7 +46,9 @@ def card(found: Diagnosis, tried: Tried) -> Card:
         confidence = found.confidence
     about = EFFECTS[name].about if listed else None
     chosen = name in found.effects or signal in found.signals
-    fitted = evidence.numbers_of(name, evidence.numbers(found.study, after))
+    fit = evidence.fit_of(found, name, after)
+    fitted = evidence.numbers_of(name, evidence.numbers(found.study, fit))
+    one_of_several = len(found.effects) > 1 and name in found.effects and fit is found.final
     alike = [one.replace("`", "") for one in diagnosis.look_alikes(found) if one.startswith(f"`{name}`")]
     return Card(
         effect=name if listed else f"a curve of {signal}",
@@ -59,6 +61,7 @@ def card(found: Diagnosis, tried: Tried) -> Card:
         gain=tried.gain,
         sureness=tried.sureness,
         counts=tried.credit,
+        step=found.effects.index(name) + 1 if one_of_several else 0,
         chosen=chosen,
         worth_adding=name in found.worth_adding,
         listed=listed,
@@ -66,7 +69,7 @@ def card(found: Diagnosis, tried: Tried) -> Card:
         look_alikes=tuple(alike),
         experiment=about.experiment if about else " ".join(diagnosis.experiments(found)).replace("`", ""),
         signature=_signature(before.error_mps, after.error_mps),
-        curve=_curve(found, tried),
+        curve=_curve(found, before, fit, name),
     )
 
 
@@ -83,16 +86,15 @@ def _signature(before: np.ndarray, after: np.ndarray) -> Signature:
     )
 
 
-def _curve(found: Diagnosis, tried: Tried) -> Curve:
-    step = next((step for step in found.steps if tried in step.tried), found.steps[0])
-    drawn = curve(found.study, step.before, tried.judged, tried.name)
+def _curve(found: Diagnosis, before: Judged, fit: Judged, name: str) -> Curve:
+    drawn = curve(found.study, before, fit, name)
     driven = None
     if drawn.driven is not None:
         values = drawn.driven[np.isfinite(drawn.driven)]
         counts, edges = np.histogram(values, DRIVEN_BINS, (float(drawn.x.min()), float(drawn.x.max())))
         driven = 0.5 * (edges[1:] + edges[:-1]), counts
     x_words = f"{drawn.x_name} ({drawn.x_unit})" if drawn.x_unit else drawn.x_name
-    return Curve(drawn.x, drawn.y, drawn.std, drawn.without, x_words, drawn.y_words, driven)
+    return Curve(drawn.x, drawn.y, drawn.bands, drawn.limits, drawn.without, x_words, drawn.y_words, driven)
 
 
 def minute(found: Diagnosis, final: Judged) -> Minute:

@@ -157,7 +157,8 @@ class Curve:
 
     x: np.ndarray
     y: np.ndarray
-    std: np.ndarray | None
+    bands: tuple[tuple[np.ndarray, np.ndarray, np.ndarray], ...]  # x, low, high of twice the standard error
+    limits: tuple[float, float]  # of the axis of y
     without: np.ndarray
     x_words: str
     y_words: str
@@ -190,6 +191,7 @@ class Card:
     gain: float  # share of the squared error
     sureness: float  # standard errors
     counts: float  # share of the evidence that counts: less for what answers to the drive itself
+    step: int  # of the search, in which both errors and the signature are; 0: alone beside the model
     chosen: bool
     worth_adding: bool  # with it the model errs less: all that was named, but a dead time that changes
     listed: bool  # an effect of the table, which can be added

@@ -50,8 +50,7 @@ def curve(found: Curve, name: str, colors: Theme) -> None:
                 "marker": {"color": theme.faint(colors.muted, 0.22)}, "name": "driven",
             }
         )  # fmt: skip
-    if found.std is not None:
-        data.append(_band(found.x, found.y - 2 * found.std, found.y + 2 * found.std, colors.model))
+    data += [_band(x, low, high, colors.model) for x, low, high in found.bands]
     data.append(_line(found.x, found.without, colors.other, "without", "dash"))
     mode = "lines+markers" if len(found.x) <= 6 else "lines"
     data.append(_line(found.x, found.y, colors.model, "with", mode=mode))
@@ -59,7 +58,7 @@ def curve(found: Curve, name: str, colors: Theme) -> None:
     if found.driven is not None:
         top = 3.0 * float(max(found.driven[1].max(), 1))
         extra["yaxis2"] = {"overlaying": "y", "range": [0, top], "visible": False, "fixedrange": True}
-    _still(data, colors, found.x_words, found.y_words, f"{name} as fitted", **extra)
+    _still(data, colors, found.x_words, found.y_words, f"{name} as fitted", y_range=found.limits, **extra)
 
 
 def minute(found: Minute, colors: Theme) -> None:
@@ -163,7 +162,14 @@ def _band(x: np.ndarray, low: np.ndarray, high: np.ndarray, color: str) -> dict[
 
 
 def _still(
-    data: list[dict[str, Any]], colors: Theme, x: str, y: str, words: str, height: int = SMALL_PX, **extra: Any
+    data: list[dict[str, Any]],
+    colors: Theme,
+    x: str,
+    y: str,
+    words: str,
+    height: int = SMALL_PX,
+    y_range: tuple[float, float] | None = None,
+    **extra: Any,
 ) -> None:
     def title(text: str) -> dict[str, Any]:
         return {"text": text, "font": {"size": 12, "color": colors.muted}, "standoff": 8}
@@ -172,7 +178,7 @@ def _still(
         colors,
         height,
         xaxis=theme.axis(colors, title=title(x), fixedrange=True, zeroline=False),
-        yaxis=theme.axis(colors, title=title(y), fixedrange=True, nticks=6),
+        yaxis=theme.axis(colors, title=title(y), fixedrange=True, nticks=6, range=y_range),
         hovermode="closest",
         bargap=0,
         **extra,

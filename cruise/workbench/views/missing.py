@@ -6,7 +6,7 @@ from typing import Final
 from nicegui import ui
 
 from cruise.report.diagnosis import DISCOUNTED
-from cruise.workbench import plots
+from cruise.workbench import plots, theme
 from cruise.workbench.found import Card, Diagnosed
 from cruise.workbench.page import Page
 from cruise.workbench.parts import bars, busy, card, figure, heading, legend, nothing_open, row_button, speed
@@ -179,6 +179,10 @@ def _row(page: Page, found: Diagnosed, one: Card, place: int) -> None:
     row.on("click", turn)
 
 
+def _in_step(one: Card) -> str:
+    return f" in step {one.step}" if one.step else ""
+
+
 def _card(page: Page, found: Diagnosed, one: Card, place: int) -> None:
     colors = page.colors
     with ui.row().classes("items-start w-full no-wrap gap-6"):
@@ -191,7 +195,7 @@ def _card(page: Page, found: Diagnosed, one: Card, place: int) -> None:
             figure(
                 f"{speed(one.error_before_mps)} → {speed(one.error_after_mps)}",
                 "m/s",
-                "held-out error, without and with it",
+                f"held-out error{_in_step(one)}, without and with it",
                 f"The squared error falls by {100 * one.gain:.0f} %, {one.sureness:.1f} standard errors over blocks of "
                 "time.",
             )
@@ -209,13 +213,16 @@ def _card(page: Page, found: Diagnosed, one: Card, place: int) -> None:
         ui.label(one.equation).classes("formula mono")
     with ui.element("div").classes("grid2 evidence"):
         with ui.column().classes("gap-1 w-full"):
-            ui.label("Does what the model leaves follow the effect?").classes("strong small")
+            ui.label(f"Does what the model leaves follow the effect{_in_step(one)}?").classes("strong small")
             legend([("without it", colors.other, "line"), ("with it", colors.model, "line")])
             plots.signature(one.signature, one.effect, colors)
         if one.curve is not None:
             with ui.column().classes("gap-1 w-full"):
-                ui.label("What it does, as fitted").classes("strong small")
+                together = " with all of them" if one.step else ""
+                ui.label(f"What it does, as fitted{together}").classes("strong small")
                 keys = [("without it", colors.other, "dash"), ("with it", colors.model, "line")]
+                if one.curve.bands:
+                    keys.append(("± 2 standard errors", theme.faint(colors.model, 0.3), "patch"))
                 if one.curve.driven is not None:
                     keys.append(("how often it was driven", colors.line, "patch"))
                 legend(keys)

@@ -4,12 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from cruise.identification.structures import parse
 from cruise.report import diagnosis, diagnosis_picture, evidence
-from cruise.report.curve import curve
+from cruise.report.curve import Curve, curve
 from cruise.report.evidence import Number
+from cruise.validation.diagnose import Diagnosis
 from cruise.validation.study import study
+from cruise.workbench import cards
 from tests.cli.diagnose.drives import FLOOR, GAIN, MODEL, PULL, ambiguous, drive, unlisted
 
 
@@ -28,6 +31,51 @@ def test_the_curve_of_an_effect_is_its_own_code_with_its_uncertainty(hills):
     reached = np.interp(2.0, response.x, response.y) - response.y[0]
     assert 0.75 < reached / (response.y[-1] - response.y[0]) < 0.95
     assert np.ptp(response.y[response.x < 0.0]) == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.fixture
+def later(hills) -> Diagnosis:
+    """What is found where the slope pulls half as much once all that is missing is there."""
+    fit = hills.final.fit
+    half = np.where([slot.name == "load" for slot in fit.layout.slots], 0.5, 1.0)
+    return replace(hills, final=replace(hills.final, fit=replace(fit, vector=half * fit.vector)))
+
+
+def test_text_picture_and_page_show_an_effect_as_the_final_model_has_it(later):
+    (load,) = (one for one in evidence.numbers(later.study, later.final) if one.name == "load")
+    grade = evidence.first_tried(later, "grade")
+    assert grade is not None
+    card = cards.card(later, grade)
+    assert card.curve is not None
+    assert {one.name: one.value for one in card.numbers}["load"] == diagnosis.figure(load.value)
+    wanted = -load.value * 9.81 * np.sin(np.radians(card.curve.x))
+    np.testing.assert_allclose(card.curve.y, wanted, atol=1e-9)
+    axis = Figure().subplots()
+    diagnosis_picture._curve(axis, later, evidence.rungs(later)[0])
+    drawn = {line.get_label(): np.asarray(line.get_ydata(), float) for line in axis.get_lines()}
+    np.testing.assert_allclose(drawn["with"], wanted, atol=1e-9)
+
+
+def test_what_the_final_model_does_not_hold_is_shown_as_it_was_tried(hills):
+    friction = evidence.first_tried(hills, "coulomb_friction")
+    assert friction is not None
+    tried = evidence.numbers_of(friction.name, evidence.numbers(hills.study, friction.judged))
+    assert [one.value for one in cards.card(hills, friction).numbers] == [diagnosis.figure(one.value) for one in tried]
+    both = ambiguous(hills)
+    assert evidence.fit_of(both, friction.name, friction.judged) is friction.judged
+
+
+UP = np.linspace(300.0, 700.0, 41)
+
+
+@pytest.mark.parametrize(("std", "ends"), [(10.0, (236.0, 764.0)), (1e6, (-226.0, 1226.0))])
+def test_the_band_of_what_runs_up_and_back_has_an_area_and_leaves_the_curve_to_be_seen(std, ends):
+    x = np.concatenate([UP, UP[::-1]])
+    drawn = Curve(x, x + np.where(np.arange(82) < 41, -20.0, 20.0), np.full(82, std), x, "current", "mA", "mA", None)
+    assert len(drawn.bands) == 2
+    for along, low, high in drawn.bands:
+        assert abs(np.trapezoid(high - low, along)) == pytest.approx(4.0 * std * 400.0)
+    assert drawn.limits == pytest.approx(ends)
 
 
 def test_the_residual_follows_the_signature_before_and_not_after(hills):

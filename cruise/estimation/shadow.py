@@ -55,12 +55,19 @@ class Shadow:
         self._residuals.clear()
         self._disturbances.clear()
 
-    def step(self, passed: Passed, counts: bool) -> None:
-        """One sample on; `counts` where it is a part of the proof."""
+    def step(self, passed: Passed, counts: bool, void: bool = False) -> None:
+        """One sample on; `counts` where it is a part of the proof, `void` where it says nothing about a model.
+
+        What was known of d stays over void samples, and no e_k reaches over one.
+        """
         residual = self._residual(passed)
         self._residuals.append(residual)
         known = self._disturbances[-1] if self._disturbances else 0.0
-        self._disturbances.append(known + self.horizon.disturbance * (residual[0] - known))
+        if void:
+            self._disturbances.clear()
+        else:
+            known += self.horizon.disturbance * (residual[0] - known)
+        self._disturbances.append(known)
         if len(self._disturbances) <= self.horizon.samples:
             return
         square = self._error_mps() ** 2

@@ -2,8 +2,10 @@
 
 A candidate is what was learned at one instant, and stands still from then on: what it is judged on are predictions
 that begin after that instant, so that none of them taught it, and only those over which the speed changed: at a steady
-speed every model is right. Then `Check` has its word, a piece at every sample. It has to go at once where its running
-error exceeds the factory model's by share and amount; the way back takes a new proof.
+speed every model is right. No prediction counts over which anything but the drive moved the machine: where its gain is
+nought every model is right, too, and under a brake every model is wrong. Then `Check` has its word, a piece at every
+sample. It has to go at once where its running error exceeds the factory model's by share and amount; the way back takes
+a new proof.
 """
 
 import math
@@ -148,7 +150,7 @@ class Supervisor:
             if candidate.theta != self.driving.theta:
                 self._begin(Shadow(candidate, self._horizon, self._past, self._learned))
             return None
-        if not before.gain > 0.0:  # in neutral nobody is judged
+        if not before.gain > 0.0:  # in neutral there is no operating point to check it at
             return None
         if self.proved_s < self.settings.proof_s:
             return None
@@ -160,7 +162,12 @@ class Supervisor:
         return list({id(shadow): shadow for shadow in parts}.values())
 
     def _judge(self, passed: Passed) -> None:
-        _, sample = passed
+        """A sample in which the drive has no part, or is not alone, may begin a prediction and is part of none."""
+        before, sample = passed
+        neutral = sample.signals.get("gear", math.nan) <= 0.0 or not before.gain > 0.0
+        void = sample.overridden or neutral
+        if void:
+            self._past.clear()
         self._past.append(passed)
         self._since += 1
         counts = False
@@ -170,7 +177,7 @@ class Supervisor:
             known = self._persistence if math.isfinite(self._persistence) else moved_mps**2
             self._persistence = known + self._horizon.window * (moved_mps**2 - known)
         for shadow in self._shadows():
-            shadow.step(passed, counts)
+            shadow.step(passed, counts, void)
         self._proved += counts
 
     def _has_to_go(self) -> bool:

@@ -13,6 +13,7 @@ from cruise.control.proof import Proof, ProofSettings
 from cruise.estimation.shadow import Horizon, Shadow
 from cruise.estimation.supervision import Change, SupervisionSettings, Supervisor
 from cruise.model.prediction import ahead
+from cruise.signals import Sample
 from tests.estimation.conftest import TRUE, Machine, columns, steps
 
 SETTINGS = SupervisionSettings()
@@ -207,8 +208,49 @@ def test_a_hole_takes_the_proof_away_but_not_the_errors(factory, machine):
     assert supervisor.adoptions == 0
 
 
-def test_in_neutral_nobody_is_judged(factory, machine):
+@pytest.mark.parametrize("effects", ["gear ratio", "none"])
+@pytest.mark.parametrize("gear", [0.0, -1.0])
+def test_in_neutral_and_reverse_nobody_is_judged_whether_the_model_knows_gears_or_not(factory, machine, gear, effects):
+    known = factory if effects == "gear ratio" else replace(factory, effects=factory.effects[:-1])
+    supervisor, samples = Supervisor(known, SETTINGS, PROOF), machine.drive(steps(60, 4), 4)
+    samples = [replace(one, signals={**one.signals, "gear": gear}) for one in samples]
+    assert supervised(supervisor, samples, known.with_theta(TRUE)) == []
+    assert supervisor.proved_s == 0.0
+    assert supervisor.rms_mps == {}
+
+
+def test_rolling_in_neutral_proves_no_gain(factory):
+    """The ground moves the machine for a minute; then a gear is engaged, and it keeps its speed."""
+    steady_mps, times_s = 0.7, 0.2 * np.arange(1, 401)
+    speeds_mps = steady_mps + np.where(times_s < 60.1, 0.3 * np.sin(2.0 * math.pi * times_s / 6.0), 0.0)
+    samples = [
+        Sample(time_s, 600.0 * (k >= 300), speed_mps, {"engine_speed_rpm": 2000.0, "gear": 2.0 * (k >= 300)})
+        for k, (time_s, speed_mps) in enumerate(zip(times_s.tolist(), speeds_mps.tolist(), strict=True))
+    ]
+    supervisor, weak = Supervisor(factory, SETTINGS, PROOF), strong(factory, 0.75)
+    assert supervised(supervisor, samples, weak) == []
+    assert supervisor.proved_s == 0.0
+
+
+def test_a_brake_speaks_against_no_model_nor_is_it_known_as_a_disturbance_after_it(factory):
+    """Held back for 5 s of every 12 s, by an operator's foot; the model that drives is the right one."""
+    true, supervisor = Machine(TRUE, noise_mps=0.005), Supervisor(factory, SETTINGS, PROOF)
+    right = factory.with_theta(TRUE)
+    supervised(supervisor, true.drive(steps(60, 4), 4), right)
+    assert supervisor.driving is right
+    before_mps = supervisor.rms_mps["driving"]
+    braked = np.arange(1500) % 60 >= 35
+    samples = true.drive(steps(300, 11), 11, start=300, disturbance_mps=np.where(braked, -0.15, 0.0))
+    samples = [replace(one, overridden=bool(foot)) for one, foot in zip(samples, braked, strict=True)]
+    assert supervised(supervisor, samples, right) == []
+    assert supervisor.rms_mps["driving"] < 2.0 * before_mps
+
+
+def test_a_bad_model_goes_though_half_of_the_time_the_brake_is_pressed(factory):
     supervisor = Supervisor(factory, SETTINGS, PROOF)
-    samples = machine.drive(steps(60, 4), 4)
-    samples = [replace(one, signals={**one.signals, "gear": 0.0}) for one in samples]
-    assert supervised(supervisor, samples, factory.with_theta(TRUE)) == []
+    supervisor._driving = supervisor._learned = Shadow(strong(factory, 2.0), supervisor._horizon)
+    samples = Machine(factory.theta).drive(steps(60, 12), 12)
+    samples = [replace(one, overridden=k % 60 >= 30) for k, one in enumerate(samples)]
+    decisions = supervised(supervisor, samples, factory)
+    assert decisions[0].change is Change.RETURNED
+    assert decisions[0].time_s < 15.0

@@ -18,9 +18,9 @@ from cruise.sampling import FloatArray
 from cruise.settings import replaced
 
 STAMP: Final = re.compile(
-    r"(\d{4}-\d\d-\d\d[T ]\d\d:\d\d(?::\d\d(?:\.\d{1,6})?)?)(?:(?<=\.\d{6})\d+)?(?:Z|[+-]\d\d(?::?\d\d)?)?"
+    r"(\d{4}-\d\d-\d\d[T ]\d\d:\d\d(?::\d\d(?:\.\d{1,6})?)?)(?:(?<=\.\d{6})\d+)?(?:Z|([+-]\d\d)(?::?(\d\d))?)?"
 )
-"""ISO 8601 to the microsecond; the zone is left aside, for times count from each other."""
+"""ISO 8601 to the microsecond, and how far its clock is ahead of UTC in h and min."""
 
 
 def read_csv(path: str | Path, settings: RecordingSettings, dt_s: float | None = None) -> Recording:
@@ -147,9 +147,13 @@ def _number(text: str) -> float:
 
 
 def _stamp_s(text: str) -> float:
-    """The seconds since 1970 of a stamp such as 2026-08-01T09:00:00.05, NaN for none; in its own zone, if any."""
+    """The seconds since 1970 of a stamp such as 2026-08-01T09:00:00.05+02:00, NaN for none; without a zone in UTC."""
     stamp = STAMP.fullmatch(text.strip())
+    if stamp is None:
+        return math.nan
+    hours, minutes = stamp[2] or "+00", stamp[3] or "00"
     try:
-        return 1e-6 * float(np.datetime64(stamp[1], "us").astype(np.int64)) if stamp else math.nan
+        clock_s = 1e-6 * float(np.datetime64(stamp[1], "us").astype(np.int64))
     except ValueError:  # no such day
         return math.nan
+    return clock_s - 3600.0 * int(hours) - 60.0 * int(hours[0] + minutes)

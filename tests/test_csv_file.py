@@ -112,9 +112,9 @@ def test_a_name_may_hold_a_semicolon_where_commas_separate(tmp_path):
     ("stamp", "start_s"),
     [
         ("2026-08-01T08:59:{:06.3f}Z", 1785574740.0),
-        ("2026-08-01 08:59:{:012.9f}+02", 1785574740.0),
+        ("2026-08-01 08:59:{:012.9f}+02", 1785567540.0),
         ("2026-08-01 08:59:{:06.3f}", 1785574740.0),
-        ("2026-08-01T08:59:{:06.3f}+02:00", 1785574740.0),
+        ("2026-08-01T08:59:{:06.3f}-0230", 1785583740.0),
     ],
 )
 def test_times_can_be_stamps(tmp_path, stamp, start_s):
@@ -129,6 +129,17 @@ def test_times_can_be_stamps(tmp_path, stamp, start_s):
     path = csv_of(tmp_path, [*rows, "2026-13-01 00:00:00,1,1"], "Time,pump_current_ma,ground_speed_mps")
     mapped = RecordingSettings(columns={"Time": ColumnSettings(signal="time_s")})
     np.testing.assert_array_equal(read_csv(path, mapped).time_s, read.time_s)
+
+
+@pytest.mark.parametrize(
+    ("date", "before", "behind"), [("10-25", "02+02:00", "02+01"), ("03-29", "01+0100", "03+0200")]
+)
+def test_a_clock_that_goes_over_to_or_from_summer_time_goes_on(tmp_path, date, before, behind):
+    minutes = [("59", before, 58.0 + 0.1 * k) for k in range(20)] + [("00", behind, 0.1 * k) for k in range(20)]
+    rows = [f"2026-{date}T{at[:2]}:{minute}:{second:04.1f}{at[2:]},{second},1" for minute, at, second in minutes]
+    read = read_csv(csv_of(tmp_path, rows), PLAIN)
+    assert len(read) == 40
+    np.testing.assert_allclose(read.time_s, 0.1 * np.arange(40), atol=1e-9)
 
 
 @pytest.mark.parametrize("name", ["time_s", "timestamp", "Time"])

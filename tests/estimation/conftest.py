@@ -24,7 +24,15 @@ class Machine:
     noise_mps: float = 0.01
 
     def drive(
-        self, current_ma, seed, start=0, disturbance_mps=0.0, engaged=False, reference_mps=None, later=None, at=0
+        self,
+        current_ma,
+        seed,
+        start=0,
+        disturbance_mps: float | np.ndarray = 0.0,
+        engaged=False,
+        reference_mps=None,
+        later=None,
+        at=0,
     ):
         rng = np.random.default_rng(seed)
         beyond = np.maximum(current_ma - 380.0, 0.0)

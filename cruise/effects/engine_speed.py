@@ -8,7 +8,6 @@ section V.A of Coen et al. 2005, which scales the predicted speed with the engin
 lets the data choose.
 """
 
-import math
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
@@ -48,5 +47,5 @@ class EngineSpeed(Effect):
 
     def step(self, value: Value, past_speed: Value, signals: Signals, state: State, dt_s: float) -> tuple[Value, State]:
         """The gain so far, scaled by the present shaft speed."""
-        driving_rpm = clip(signals["engine_speed_rpm"], -math.inf, self.full_rpm)
+        driving_rpm = clip(signals["engine_speed_rpm"], 0.0, self.full_rpm)  # no diesel turns backward
         return value * (driving_rpm / RATED_RPM) ** self.exponent, state

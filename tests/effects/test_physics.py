@@ -92,6 +92,15 @@ def test_engine_speed_scales_with_flow():
     assert EngineSpeed(1.0).step(1.0, 0.0, {"engine_speed_rpm": 1050.0}, None, 0.2)[0] == pytest.approx(0.5)
 
 
+@pytest.mark.parametrize("exponent", [0.0, 0.9, 1.0])
+def test_a_reading_below_none_is_an_engine_that_stands(exponent):
+    effect, below, none = EngineSpeed(exponent), {"engine_speed_rpm": -0.5}, {"engine_speed_rpm": 0.0}
+    found, _ = effect.step(1.0, 0.0, below, None, 0.2)
+    assert found == effect.step(1.0, 0.0, none, None, 0.2)[0] == (1.0 if exponent == 0.0 else 0.0)
+    several, _ = effect.step(1.0, 0.0, {"engine_speed_rpm": np.array([-0.5, 0.0])}, None, 0.2)
+    np.testing.assert_array_equal(several, found)
+
+
 def test_an_engine_gives_no_more_beyond_the_speed_up_to_which_the_drive_follows_it():
     effect = EngineSpeed(1.0, full_rpm=1575.0)
     gains = [effect.step(1.0, 0.0, {"engine_speed_rpm": rpm}, None, 0.2)[0] for rpm in (1050.0, 1575.0, 2100.0)]

@@ -1,6 +1,7 @@
 """The known drive in a table, CSV or Parquet, comes back as itself."""
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 import pytest
 from pyarrow import parquet
@@ -8,6 +9,7 @@ from pyarrow import parquet
 from cruise.csv_file import read_csv
 from cruise.recording import RecordingError
 from cruise.service.recordings import ReadingSettings, read_recording
+from cruise.service.recordings.parquet import columns_of
 from cruise.signals import INPUT, OUTPUT
 from tests.service.logs import BY_DBC, assert_is_the_drive, table
 
@@ -52,6 +54,21 @@ def test_parquet_takes_every_kind_of_number_and_says_what_is_none(tmp_path):
         "ground_speed_mps: 1 of 81 cells hold no number, not measured",
         "operator: holds no number, left out",
     )
+
+
+def test_an_index_without_a_name_is_the_time_where_it_holds_times_and_nothing_else_is(tmp_path):
+    frame = table()
+    frame.index = pd.date_range("2026-08-01T09:00", periods=81, freq="50ms")
+    frame.drop(columns="time_s").to_parquet(tmp_path / "drive.parquet")
+    read = read_recording(tmp_path / "drive.parquet", BY_DBC)
+    assert_is_the_drive(read, 1e-9)
+    assert read.notes[0].startswith("time index: taken as the time")
+    assert columns_of(tmp_path / "drive.parquet") == [INPUT, OUTPUT, "gear", "time index"]
+    frame.to_parquet(tmp_path / "both.parquet")
+    both = read_recording(tmp_path / "both.parquet", BY_DBC)
+    assert_is_the_drive(both, 1e-9)
+    assert [note.partition(":")[0] for note in both.notes] == ["__index_level_0__"]
+    assert "time index" not in columns_of(tmp_path / "both.parquet")
 
 
 def test_a_parquet_row_is_named_where_time_runs_back(tmp_path):

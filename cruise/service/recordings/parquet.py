@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 INSTALL: Final = "install it: pip install pyarrow, or this project with its extra [parquet]"
 PANDAS_INDEX: Final = "__index_level_"  # what pandas writes for the labels of its rows: no measurement
+TIME_INDEX: Final = "time index"  # what labels that are times are called, where no column is one
 
 
 def read_parquet(path: str | Path, settings: RecordingSettings, dt_s: float | None = None) -> Recording:
@@ -38,7 +39,7 @@ def read_parquet(path: str | Path, settings: RecordingSettings, dt_s: float | No
     try:
         with parquet.ParquetFile(path) as file:  # a file, never a folder of them
             table = file.read()
-        for name, column in zip(table.column_names, table.columns, strict=True):
+        for name, column in zip(_names(table.schema), table.columns, strict=True):
             cells = _cells(column)
             if name.startswith(PANDAS_INDEX) or cells is None:
                 notes.append(f"{name}: holds {column.type}, no measurement, left out")
@@ -60,10 +61,23 @@ def columns_of(path: str | Path) -> list[str]:
     except ImportError as error:
         raise RecordingError(f"{path}: Parquet files need pyarrow; {INSTALL}") from error
     try:
-        names = parquet.read_schema(path).names
+        names = _names(parquet.read_schema(path))
     except (pa.ArrowException, OSError) as error:
         raise RecordingError(f"{path}: cannot be read: {error}; is it a Parquet file?") from error
     return [name for name in names if not name.startswith(PANDAS_INDEX)]
+
+
+def _names(schema: "pa.Schema") -> list[str]:
+    """Return the columns' names, with that of the labels where they alone are times."""
+    from pyarrow import types
+
+    if any("time" in name.lower() for name in schema.names):
+        return schema.names
+    timed = [types.is_timestamp(kind) or types.is_duration(kind) for kind in schema.types]
+    return [
+        TIME_INDEX if is_time and name.startswith(PANDAS_INDEX) else name
+        for name, is_time in zip(schema.names, timed, strict=True)
+    ]
 
 
 def _cells(column: "pa.ChunkedArray") -> FloatArray | None:

@@ -1,21 +1,21 @@
 """Power limit: where the demand of the ground exceeds what pump or engine can give, the swash plate is taken back.
 
-    P_0 = m (p w + g_n c_r |w|) / 1000, or P_0 = kappa (dp - p_0) w through a low-pass where the pressure is known
+    P_0 = m (p w + g_n c_r |w|) / 1000, or P_0 = kappa (dp w - p_0 |w|) through a low-pass where the pressure is known
     g = (1 - c) g_p g_c,   g_p = min(1, P_max / P_0)^h, the corner rounded off within +-1/8 of P_max
     w = v / s,   ds/dt = (g_p - s) / tau_v
-    g_c = max(1 - b max(dp - p_c, 0), 0.2),   dc/dt = k max(L - L_0, 0) - c / tau_c,   c <= 0.8
+    g_c = max(1 - b max(|dp| - p_c, 0), 0.2),   dc/dt = k max(L - L_0, 0) - c / tau_c,   c <= 0.8
 
 P_0 power in kW that the drive would have to give if nothing were taken back: v speed one sample ago in m/s, s what of
 it the limit has left, as the vehicle follows it within tau_v, so that w is the speed without the limit. m mass in kg
 (15 000 kg where not measured), p pull of the slope in m/s2 as in `pull`: what of it is acceleration acts on the pump's
 pressure only as far as the control is as quick, so share and low-pass are found from the data; g_n = 9.81 m/s2, c_r
 rolling resistance (0.02 on concrete to 0.12 on soft soil, found from the data), P_max in kW. How hard it holds is h: 1
-keeps the power, v = P_max / F with F the force, less is a softer control. dp line pressure in bar, which shows soil and
-whatever else holds the machine, p_0 in bar where nothing does, kappa in kN per bar: 0 leaves the pressure alone. A
-pressure cut-off destrokes the pump from p_c in bar on, by a share b per bar (600 bar is never reached). An electronic
-limit, which keeps the engine from stalling, cuts a share c of the stroke while the engine is overloaded, whatever loads
-it, and gives it back slowly: L engine load in percent, L_0 load from which it cuts (200 is never reached), k share per
-second and percent, tau_c in s.
+keeps the power, v = P_max / F with F the force, less is a softer control. dp line pressure in bar (+ driving forward),
+which shows soil and whatever else holds the machine, p_0 in bar along the motion where nothing does, kappa in kN per
+bar: 0 leaves the pressure alone. A pressure cut-off, which sees the higher one of the lines, destrokes the pump from
+p_c in bar on, by a share b per bar (600 bar is never reached). An electronic limit, which keeps the engine from
+stalling, cuts a share c of the stroke while the engine is overloaded, whatever loads it, and gives it back slowly: L
+engine load in percent, L_0 load from which it cuts (200 is never reached), k share per second and percent, tau_c in s.
 
 Source: data sheets of axial piston pumps with torque (power) control, pressure times displacement is held, and with
 pressure cut-off; J.Y. Wong, Theory of Ground Vehicles (2008), ch. 2 (motion resistance of soil); section V.A of Coen et
@@ -81,8 +81,8 @@ class PowerLimit(Effect):
         "watches the engine's load, it cuts the stroke while the engine is overloaded and gives it back slowly. A "
         "pressure cut-off does the same from a pressure on, at any speed.",
         equation="g = min(1, P_max / P_0)^h,  P_0 = m (p w + 9.81 m/s2 c_r |w|),  p = 9.81 m/s2 sin(alpha) - r dv/dt, "
-        "through a low-pass of tau; or P_0 = kappa (dp - p_0) w; w = v / s, s is g within tau_v; or g = 1 - c,  "
-        "dc/dt = k max(L - L_0, 0) - c / tau_c; or g = 1 - b max(dp - p_c, 0)",
+        "through a low-pass of tau; or P_0 = kappa (dp w - p_0 |w|); w = v / s, s is g within tau_v; or g = 1 - c,  "
+        "dc/dt = k max(L - L_0, 0) - c / tau_c; or g = 1 - b max(|dp| - p_c, 0)",
         source="data sheets of pumps with torque control; Wong 2008, ch. 2; Coen et al. 2005, section V.A, Fig. 6",
         signature="the residual is negative where speed times slope is high, and there only: nothing downhill, nothing "
         "below a speed that falls as the slope and the mass rise; where a controller sees to it, it comes with an "
@@ -130,7 +130,7 @@ class PowerLimit(Effect):
         without_mps = past_speed / left
         asked_kw = demand_kw(without_mps, pull_mps2, self.rolling_resistance, signals)
         pressure_bar = signals.get("line_pressure_bar", math.nan)
-        now_kw = self.kn_per_bar * (pressure_bar - self.rest_bar) * without_mps
+        now_kw = self.kn_per_bar * (pressure_bar * without_mps - self.rest_bar * abs(without_mps))
         felt_kw = followed(shown_kw, now_kw, share(self.filter_s, dt_s))
         known = felt_kw == felt_kw  # NaN: not measured
         shown_kw = where(known, felt_kw, shown_kw)
@@ -145,8 +145,8 @@ class PowerLimit(Effect):
         over_pct = where(over_pct > 0.0, over_pct, 0.0)  # NaN: not measured
         released = share(self.release_s, dt_s)
         cut = clip(cut + released * (self.release_s * self.cut_per_pct_s * over_pct - cut), 0.0, MOST_CUT)
-        reached = (pressure_bar > self.cutoff_bar) * (self.cutoff_bar < NEVER_BAR)  # NaN: not measured
-        over_bar = where(reached, pressure_bar - self.cutoff_bar, 0.0)
+        beyond_bar = abs(pressure_bar) - self.cutoff_bar
+        over_bar = where((beyond_bar > 0.0) * (self.cutoff_bar < NEVER_BAR), beyond_bar, 0.0)  # NaN: not measured
         passed = clip(1.0 - self.cut_per_bar * over_bar, 1.0 - MOST_CUT, 1.0)
         return value * (1.0 - cut) * passed * held, (*pulled, shown_kw, cut, left)
 

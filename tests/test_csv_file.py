@@ -158,6 +158,16 @@ def test_times_in_ms_get_a_scale(tmp_path):
     assert (read.dt_s, len(read)) == (0.1, 20)
 
 
+def test_times_that_may_be_ms_are_said_to(tmp_path):
+    read = read_csv(csv_of(tmp_path, ramp(20, 1.0), "time,pump_current_ma,ground_speed_mps"), PLAIN)
+    assert read.dt_s == 1.0
+    assert (
+        "time: one row every 1 s; if it is in ms, columns: {time: {scale: 0.001}} in the file of --colu"
+        in read.notes[1]
+    )
+    assert not any("in ms" in note for note in read_csv(csv_of(tmp_path, ramp(20, 0.5)), PLAIN).notes)
+
+
 def test_bad_cells_and_rows_are_counted_not_taken(tmp_path):
     rows = ramp()
     rows[3] = "0.3,n/a,nan"
@@ -198,6 +208,14 @@ def test_codes_for_not_available_are_no_measurements_and_it_is_said(tmp_path):
         "ground_speed_mps: -1e+30 and 255.996, 2 times, is nothing that ground_speed_mps can be: not measured",
         "engine_speed_rpm: 8191.88, 1 times, is nothing that engine_speed_rpm can be: not measured",
     ]
+
+
+def test_each_of_the_three_ranges_of_j1939_has_a_code(tmp_path):
+    rows = [f"{0.1 * k:.1f},{10 * k},{1.0 + 0.01 * k}" for k in range(60)]
+    rows[20:23] = ["2.0,200,65.535", "2.1,210,65.279", "2.2,220,64.255"]
+    read = read_csv(csv_of(tmp_path, rows), PLAIN)
+    assert np.nanmax(read.output) < 2.0
+    assert read.notes[0].startswith("ground_speed_mps: 64.255 and 65.279 and 65.535, 3 times, is nothing that")
 
 
 @pytest.mark.parametrize("fastest_mps", [14.0, 40.0])
@@ -243,7 +261,7 @@ def changed(rows: list[str], index: int, row: str) -> list[str]:
         (None, changed(ramp(), 7, "0.7,70,1.4,9"), "drive.csv:9: 4 cells, but the header names 3 columns"),
         ("Logger X200", ["", "time_s,pump_current_ma", *ramp()], "the first line has to be the header"),
         (None, [f"09:00:{k:02d},1,1" for k in range(20)], "drive.csv:2: no row has a time; let the time column hold"),
-        (None, ramp(20, 50.0), "one row every 50 s is too few to see a drive move; times in ms get a scale"),
+        (None, ramp(20, 50.0), "one row every 50 s is too few to see a drive move; if time_s is in ms"),
         (None, ramp(9), "9 usable rows are too few; a recording needs 10 at least"),
         (None, [], "0 usable rows are too few"),
         (None, [f"{k / 10},x,1" for k in range(20)], "pump_current_ma holds no number at all; choose another column"),

@@ -157,6 +157,14 @@ def test_readings_out_of_order_or_repeated_are_counted_not_taken():
     assert read.notes == ("ground_speed_mps: 3 of 44 readings out of order or repeated, left out",)
 
 
+def test_one_stamp_far_ahead_costs_one_reading():
+    speed, current = readings(0.1, lambda t: 2.0 * t), readings(0.1, lambda t: 500.0 + t)
+    speed.time_s[20] = 5000.0
+    read = arranged("made up", {INPUT: current, OUTPUT: speed}, PLAIN, None)
+    np.testing.assert_allclose(read.output, 2.0 * read.time_s, atol=1e-9)
+    assert read.notes == ("ground_speed_mps: 1 of 41 readings out of order or repeated, left out",)
+
+
 def test_a_flag_gates_the_input_from_its_own_last_reading_on():
     current, speed = readings(0.1, lambda t: 700.0 + 0.0 * t), readings(0.1, lambda t: 2.0 * t)
     flag = Readings(np.array([0.55, 2.05]), np.array([1.0, 0.0]))

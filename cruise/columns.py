@@ -7,6 +7,7 @@ follows the same rules.
 import difflib
 import math
 from collections.abc import Callable, Collection, Mapping
+from dataclasses import replace
 from typing import Final
 
 import msgspec
@@ -83,7 +84,8 @@ def tabulated(
     columns = {name: _last_of_each(time_s, values, keep) for name, values in raw.items() if name != time}
     time_s = time_s[keep]
     signals = _signals(source, columns, current, speed, settings, said, ("rows", "cells hold no number, not measured"))
-    return on_grid(time_s, signals, dt_s, source, tuple(said))
+    unit = _in_ma(current, signals, settings, said)
+    return replace(on_grid(time_s, signals, dt_s, source, tuple(said)), input_unit=unit)
 
 
 def arranged(
@@ -102,13 +104,15 @@ def arranged(
     said = list(notes)
     columns = {name: _rising(name, readings, said) for name, readings in columns.items()}
     signals = _signals(source, columns, current, speed, settings, said, ("readings", "values are no measurement"))
+    unit = _in_ma(current, signals, settings, said)
     measured = {name: signals[name].time_s[~np.isnan(signals[name].values)] for name in (INPUT, OUTPUT)}
     few = min(measured, key=lambda name: len(measured[name]))
     if len(measured[few]) < MIN_SAMPLES:
         raise RecordingError(
             f"{source}: {few} has {len(measured[few])} readings, too few; a recording needs {MIN_SAMPLES} at least"
         )
-    return on_grid(max(measured.values(), key=typical_step), signals, dt_s, source, tuple(said))
+    base_s = max(measured.values(), key=typical_step)
+    return replace(on_grid(base_s, signals, dt_s, source, tuple(said)), input_unit=unit)
 
 
 def _from_its_start(time_s: FloatArray, notes: list[str]) -> FloatArray:
@@ -217,27 +221,33 @@ def _signals(
     for name in (INPUT, OUTPUT):
         measured_s = signals[name].time_s[~np.isnan(signals[name].values)]
         notes.extend(_gap_notes(name, measured_s) + _rate_notes(name, measured_s))
-    if current not in settings.columns:
-        signals[INPUT] = _in_ma(current, signals[INPUT], notes)
     return signals
 
 
-def _in_ma(name: str, current: Readings, notes: list[str]) -> Readings:
-    """Return an input too small for a pump's current as a share of FULL_MA; where its name says mA, say so only."""
+def _in_ma(name: str, signals: dict[str, Readings], settings: RecordingSettings, notes: list[str]) -> str:
+    """Read an input too small for a pump's current as a share of FULL_MA; where its name says mA, say so only.
+
+    Returns what unit its size tells; nothing where the settings or the name say it, or the input never moves.
+    """
+    current = signals[INPUT]
     known = np.abs(current.values[~np.isnan(current.values)])
     most = float(np.percentile(known, 99)) if len(known) else 0.0
-    unit, scale = next(((unit, scale) for most_of, unit, scale in SHARES if 0.0 < most <= most_of), ("", 1.0))
-    if not unit:
-        return current
+    if name in settings.columns or not most:
+        return ""
+    unit, scale = next(((unit, scale) for most_of, unit, scale in SHARES if most <= most_of), ("mA", 1.0))
+    in_ma = name.endswith("_ma")
+    if unit == "mA":
+        return "" if in_ma else unit
     small, in_file = f"{name}: {most:.3g} at most, no current in mA moves a machine", "in the file of --columns"
-    if name.endswith("_ma"):
+    if in_ma:
         notes.append(f"{small}; if it is {unit}, columns: {{{name}: {{scale: {scale:g}}}}} {in_file} reads it so")
-        return current
+        return ""
     notes.append(
         f"{small}; read as {unit}, all of it as {FULL_MA:g} mA; "
         f"columns: {{{name}: {{scale: 1}}}} {in_file} takes it as it is"
     )
-    return Readings(current.time_s, scale * current.values)
+    signals[INPUT] = Readings(current.time_s, scale * current.values)
+    return unit
 
 
 def column_of(name: str, names: Collection[str], settings: RecordingSettings) -> str:

@@ -43,8 +43,8 @@ class Recording:
     A sample is the reading at its time, of a current the one that holds from there on, or where `averaged` the mean
     over the period that ends there.
     `source` says where it comes from, `notes` what was lost or mended, `stamps_s` (M,) the time stamps as they were
-    before the grid, where known. The arrays are read-only. Raises RecordingError for a grid that is not uniform,
-    columns of another length, or no input or output.
+    before the grid, where known, `input_unit` what the size of the input was taken to tell of its unit. The arrays are
+    read-only. Raises RecordingError for a grid that is not uniform, columns of another length, or no input or output.
     """
 
     time_s: FloatArray
@@ -54,6 +54,7 @@ class Recording:
     notes: tuple[str, ...] = ()
     stamps_s: FloatArray | None = None
     averaged: bool = False
+    input_unit: str = ""
 
     def __post_init__(self) -> None:
         for name in (INPUT, OUTPUT):
@@ -109,12 +110,20 @@ def resample(recording: Recording, dt_s: float) -> Recording:
         for name, values in recording.columns.items()
     }
     resampled = on_grid(recording.since_s, columns, dt_s, recording.source, recording.notes, held=recording.averaged)
-    return replace(resampled, stamps_s=recording.stamps_s)
+    return replace(resampled, stamps_s=recording.stamps_s, input_unit=recording.input_unit)
 
 
 def notes_of(recordings: Sequence[Recording]) -> list[str]:
-    """Return what was lost or mended in the recordings, under the names of their files."""
-    return [f"{Path(one.source).name}: {note}" for one in recordings for note in one.notes]
+    """Return what was lost or mended in the recordings, under the names of their files, and inputs of unlike scales."""
+    notes = [f"{Path(one.source).name}: {note}" for one in recordings for note in one.notes]
+    units = {one.input_unit: Path(one.source).name for one in recordings if one.input_unit}
+    if len(units) > 1:
+        read_as = ", ".join(f"{name} as {unit}" for unit, name in units.items())
+        notes.append(
+            f"the inputs are read in several scales, {read_as}; "
+            "scale under columns: in the file of --columns says which it is"
+        )
+    return notes
 
 
 def on_grid(

@@ -17,6 +17,7 @@ from typing import Final
 
 import msgspec
 
+from cruise.control.engine_jump import RATE_S, EngineJump
 from cruise.control.lateness import Lateness
 from cruise.control.suddenness import Suddenness
 from cruise.control.usual import UsualShares
@@ -26,12 +27,9 @@ WINDOW_S: Final = 0.25  # s of commands with which the measured current is compa
 STILL_MA: Final = 8.0  # mA within that time: a command that moves by less shows the output stage's error as it is
 USUAL_S: Final = 5.0  # s, time constant of that error: temperature and voltage move it, and not at once
 SMOOTH_S: Final = 0.2  # s, time constant through which two speeds are compared
-RATE_S: Final = 0.1  # s over which a rate is taken
 JUMP_S: Final = 0.2  # s over which the model's errors are summed
 TEXTURE_S: Final = 0.5  # s, time constant of the roughness
 WIDEST: Final = 3.0  # times its default that a threshold may be
-STANDING_RPM: Final = 400.0  # 1/min, below which an engine stands, whatever was believed of it before
-IDLING_RPM: Final = 1000.0  # 1/min, up to which it may start at once
 LEAST_READINGS: Final = 8  # equal ones that make a sensor frozen: at 5 Hz it may repeat itself by chance
 
 
@@ -82,7 +80,6 @@ class Seen:
     wheel_mps: float
     radar_mps: float
     current_ma: float  # measured
-    engine_rpm: float
     commanded_ma: float  # sent last, NaN while somebody else drives
     followed_mps: float  # reference or setpoint, whichever is less: ahead of a falling reference is not behind
     disturbance_mps: float  # in m/s of steady speed, what the model does not explain
@@ -150,18 +147,18 @@ class Memory:
     error_ma: float = math.nan  # of the output stage, NaN while its command moves
     usual_ma: float = math.nan  # the same over USUAL_S, also from earlier drives
     smooth: list[float] = field(default_factory=lambda: [math.nan] * 3)  # speed, wheel, radar
-    past: deque[tuple[float, float, float]] = field(default_factory=deque)  # time, speed, engine speed
-    believed_rpm: float = math.nan  # engine speed, until it jumps
-    heard_s: float = math.nan  # when it was heard last
+    past: deque[tuple[float, float]] = field(default_factory=deque)  # time and speed
     unexpected: deque[float] = field(default_factory=deque)  # m/s, by frame
     usual: UsualShares = field(init=False)
     lateness: Lateness = field(init=False)
     suddenness: Suddenness = field(init=False)
+    engine: EngineJump = field(init=False)
 
     def __post_init__(self) -> None:
         self.usual = UsualShares(self.frame_s)
         self.lateness = Lateness(self.frame_s, WINDOW_S)
         self.suddenness = Suddenness(self.frame_s)
+        self.engine = EngineJump(self.settings.engine_rpm_per_s, self.frame_s)
 
     def take(self, seen: Seen) -> None:
         """One frame period on."""
@@ -169,8 +166,7 @@ class Memory:
         for i, value in enumerate((seen.speed_mps, seen.wheel_mps, seen.radar_mps)):
             known = math.isfinite(self.smooth[i]) and math.isfinite(value)
             self.smooth[i] = self.smooth[i] + share * (value - self.smooth[i]) if known else value
-        self._believe(seen.time_s, seen.engine_rpm)
-        self.past.append((seen.time_s, seen.speed_mps, seen.engine_rpm))
+        self.past.append((seen.time_s, seen.speed_mps))
         while seen.time_s - self.past[0][0] > RATE_S + 1e-6:
             self.past.popleft()
         self.unexpected.append(seen.unexpected_mps)
@@ -190,15 +186,6 @@ class Memory:
         self.usual.take(
             speed, (math.nan if slips else wheel, radar), self.settings.speed_change_mps, self.settings.speed_share
         )
-
-    def _believe(self, time_s: float, engine_rpm: float) -> None:
-        """An engine speed that has jumped is not believed until it is back, or the engine stands, whoever drives."""
-        if math.isnan(engine_rpm):
-            return
-        passed_s, self.heard_s = time_s - self.heard_s, time_s
-        jumps = abs(engine_rpm - self.believed_rpm) > self.settings.engine_rpm_per_s * passed_s
-        if not jumps or engine_rpm < STANDING_RPM or self.believed_rpm < IDLING_RPM:
-            self.believed_rpm = engine_rpm
 
     def unexpected_mps(self, for_s: float) -> float:
         """What no command explains of the change of the speed in the last so many seconds."""
@@ -241,10 +228,10 @@ def _speeds(seen: Seen, memory: Memory, settings: PlausibilitySettings) -> float
     return min(found, default=math.nan)
 
 
-def _rate(memory: Memory, column: int) -> float:
-    first, last = memory.past[0], memory.past[-1]
-    passed_s = last[0] - first[0]
-    return abs(last[column] - first[column]) / passed_s if passed_s > 0.0 else math.nan
+def _acceleration(seen: Seen, memory: Memory, settings: PlausibilitySettings) -> float:
+    (first_s, first_mps), (last_s, last_mps) = memory.past[0], memory.past[-1]
+    passed_s = last_s - first_s
+    return abs(last_mps - first_mps) / passed_s / settings.accel_mps2 if passed_s > 0.0 else math.nan
 
 
 def _rough(memory: Memory, settings: PlausibilitySettings) -> float:
@@ -307,12 +294,11 @@ CHECKS: Final = (
     Check("the drive's speed is not that of wheel and ground", _speeds, 0.3),
     Check("the drive's speed has left that of wheel and ground", lambda seen, memory, settings:
           memory.usual.used, 0.3),
-    Check("the speed changes faster than tyres allow", lambda seen, memory, settings:
-          _rate(memory, 1) / settings.accel_mps2, 0.1),
+    Check("the speed changes faster than tyres allow", _acceleration, 0.1),
     Check("the engine speed changes faster than it can", lambda seen, memory, settings:
-          _rate(memory, 2) / settings.engine_rpm_per_s, 0.05),
+          memory.engine.rate_rpm_per_s / settings.engine_rpm_per_s, 0.05),
     Check("the engine speed has jumped and not come back", lambda seen, memory, settings:
-          math.inf if abs(seen.engine_rpm - memory.believed_rpm) > 0.0 else 0.0, 0.05),
+          math.inf if memory.engine.jumped else 0.0, 0.05),
     Check("a sensor is too noisy", lambda seen, memory, settings: _rough(memory, settings), 0.2),
     Check("a sensor is frozen", _frozen, 0.0, True),
     Check("current and speed do not fit the model", _response, 0.3),
@@ -337,6 +323,8 @@ class Plausibility:
         texture = self.memory.textures.get(name)
         if texture is not None:
             texture.take(time_s, value)
+        if name == "engine_speed_rpm":
+            self.memory.engine.take(time_s, value)
 
     def step(self, seen: Seen) -> str:
         """One frame period on; which signals can't all be true, or nothing."""

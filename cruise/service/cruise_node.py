@@ -261,7 +261,6 @@ class CruiseNode:
             wheel_mps=frame.signals["wheel_speed_mps"],
             radar_mps=self._value(RADAR, frame.time_s),
             current_ma=frame.current_ma,
-            engine_rpm=frame.signals["engine_speed_rpm"],
             commanded_ma=self.command.current_ma if controls else math.nan,
             followed_mps=min(controller.past_references[0], self.engagement.setpoint_mps) if controls else math.nan,
             disturbance_mps=controller.observer.disturbance_mps if controller.state is not None else math.nan,

@@ -16,7 +16,6 @@ TRUE = Seen(
     wheel_mps=1.55,
     radar_mps=1.5,
     current_ma=800.0,
-    engine_rpm=2100.0,
     commanded_ma=800.0,
     followed_mps=1.5,
     disturbance_mps=0.1,
@@ -36,6 +35,8 @@ TRUE = Seen(
 NOISE = {"ground_speed_mps": 0.015, "pump_current_ma": 1.0, "engine_speed_rpm": 2.0}
 Lie = Callable[[Seen, float], Seen]
 """What is seen, and for how long the lie has been there in s, to what is seen with the lie in it."""
+Course = Callable[[float], float]
+"""Engine speed in 1/min by time in s."""
 
 
 def found(
@@ -105,7 +106,6 @@ LIES: dict[str, tuple[Lie, float]] = {
         lambda seen, s: replace(seen, speed_mps=1.5 + 5.0 * s, wheel_mps=1.5 + 5.0 * s, radar_mps=1.5 + 5.0 * s),
         0.3,
     ),
-    "the engine speed changes faster than it can": (lambda seen, s: replace(seen, engine_rpm=1900.0), 0.1),
     "current and speed do not fit the model": (lambda seen, s: replace(seen, disturbance_mps=-0.9), 0.3),
     "the speed changes as no command did": (lambda seen, s: replace(seen, unexpected_mps=-0.08), 0.15),
     "a force came at once, as no hill does": (lambda seen, s: moving(seen, 0.0, -0.5, s), 0.4),
@@ -167,31 +167,38 @@ def test_a_noisy_sensor_is_found_and_a_frozen_one(name):
     assert after_s == pytest.approx(0.55, abs=0.06)
 
 
-JUMPED = "the engine speed has jumped and not come back"
+JUMPED, TOO_FAST = "the engine speed has jumped and not come back", "the engine speed changes faster than it can"
+GAPS_S = (0.01, 0.02, 0.05, 0.2)  # s between two readings of the engine speed, 100 to 5 Hz
 
 
-def jumps(rpm_by_s: Callable[[float], float], at_s: tuple[float, ...]) -> list[str]:
-    """What is said at these times, in s, of an engine speed that is this by time, while a person drives."""
-    plausibility, said = Plausibility(PlausibilitySettings(), FRAME_S), []
-    for k in range(1, round(max(at_s) / FRAME_S) + 1):
-        now_s = k * FRAME_S
-        seen = replace(TRUE, time_s=now_s, engine_rpm=rpm_by_s(now_s), commanded_ma=math.nan, followed_mps=math.nan)
-        plausibility.step(seen)
-        if any(abs(now_s - one_s) < 1e-6 for one_s in at_s):
-            said.append(plausibility.contradiction)
+def engine(rpm_by_s: Course, until_s: float, gap_s: Course = lambda s: FRAME_S) -> list[tuple[float, str]]:
+    """What is said by time of an engine speed that is this, read that often, while a person drives."""
+    plausibility, said, read_s = Plausibility(PlausibilitySettings(), FRAME_S), [], 0.0
+    for k in range(1, round(until_s / FRAME_S) + 1):
+        now_s = round(k * FRAME_S, 6)
+        while (next_s := round(read_s + gap_s(read_s), 6)) <= now_s:
+            read_s = next_s
+            plausibility.read("engine_speed_rpm", read_s, rpm_by_s(read_s))
+        seen = replace(TRUE, time_s=now_s, commanded_ma=math.nan, followed_mps=math.nan)
+        said.append((now_s, plausibility.step(seen)))
     return said
+
+
+def jumps(rpm_by_s: Course, at_s: tuple[float, ...]) -> list[str]:
+    """What is said at these times, in s."""
+    return [said for now_s, said in engine(rpm_by_s, max(at_s)) if any(abs(now_s - one_s) < 1e-6 for one_s in at_s)]
 
 
 def test_an_engine_speed_that_jumped_is_not_believed_until_it_is_back_or_the_engine_stands():
     lies = [JUMPED, JUMPED]
     assert jumps(lambda s: 1450.0 + 2.0 * s if s > 2.0 else 2100.0, (1.0, 3.0, 30.0)) == ["", *lies]
-    assert jumps(lambda s: 1450.0 if 2.0 < s < 8.0 else 2050.0, (3.0, 7.0, 9.0)) == [*lies, ""]
+    assert jumps(lambda s: 1450.0 if 2.0 < s < 8.0 else 2050.0, (3.0, 7.0, 11.0)) == [*lies, ""]
     assert jumps(lambda s: 1450.0 if 2.0 < s < 8.0 else 2050.0 - 1200.0 * max(s - 10.0, 0.0), (3.0, 7.0, 12.5)) == [
         *lies,
         "",
     ]
     assert jumps(lambda s: math.nan if 2.0 < s < 2.4 else 1450.0 if s > 2.0 else 2100.0, (2.2, 3.0)) == ["", JUMPED]
-    assert jumps(lambda s: 1450.0 if s > 2.0 and not 6.0 < s < 7.0 else 2100.0 * (s < 6.0), (3.0, 9.0)) == [JUMPED, ""]
+    assert jumps(lambda s: 1450.0 if s > 2.0 and not 6.0 < s < 7.0 else 2100.0 * (s < 6.0), (3.0, 11.0)) == [JUMPED, ""]
 
 
 def test_an_engine_that_starts_and_a_throttle_that_is_turned_have_not_jumped():
@@ -199,8 +206,46 @@ def test_an_engine_that_starts_and_a_throttle_that_is_turned_have_not_jumped():
     assert jumps(lambda s: 2100.0 - 700.0 * min(max(s - 1.0, 0.0), 1.0), (1.3, 1.6, 5.0)) == ["", "", ""]
 
 
+@pytest.mark.parametrize("gap_s", GAPS_S)
+def test_an_engine_speed_that_a_throttle_moves_may_be_read_at_any_rate(gap_s):
+    for rpm_per_s in (400.0, -400.0, 1200.0, -1200.0):
+        course = engine(lambda s: 1500.0 + rpm_per_s * min(max(s - 1.0, 0.0), 0.4), 4.0, lambda s: gap_s)
+        assert not {JUMPED, TOO_FAST} & {said for _, said in course}
+
+
+@pytest.mark.parametrize("gap_s", GAPS_S)
+def test_an_engine_speed_that_changes_too_fast_is_found_at_any_rate(gap_s):
+    course = engine(lambda s: 1000.0 + 2000.0 * min(max(s - 1.0, 0.0), 0.6), 4.0, lambda s: gap_s)
+    assert min(now_s for now_s, said in course if said) <= 1.0 + max(0.2, gap_s) + 2.0 * FRAME_S
+
+
+def test_readings_that_are_lost_or_held_up_while_a_throttle_moves_are_no_jump():
+    def throttle(s: float) -> float:
+        return 2100.0 - 400.0 * min(max(s - 1.0, 0.0), 1.0)
+
+    lost = engine(throttle, 4.0, lambda s: 0.24 if s == 1.5 else 0.02)
+    assert {said for _, said in lost} == {""}
+    plausibility = Plausibility(PlausibilitySettings(), FRAME_S)
+    for k in range(1, 80):
+        for i in (1, 0):
+            read_s = k * FRAME_S - 0.02 * i
+            arrived_s = max(read_s, 1.74) if read_s > 1.5 else read_s  # those of 0.24 s come at once
+            plausibility.read("engine_speed_rpm", arrived_s, throttle(read_s))
+        assert plausibility.step(replace(TRUE, time_s=k * FRAME_S, commanded_ma=math.nan)) == ""
+
+
+def test_a_fall_of_200_between_two_readings_is_found_at_once():
+    assert jumps(lambda s: 1900.0 if s > 2.0 else 2100.0, (2.0, 2.05, 2.1)) == ["", "", TOO_FAST]
+
+
 def test_every_check_is_tried_above():
-    assert {check.name for check in CHECKS} == {*LIES, "a sensor is too noisy", "a sensor is frozen", JUMPED}
+    assert {check.name for check in CHECKS} == {
+        *LIES,
+        "a sensor is too noisy",
+        "a sensor is frozen",
+        JUMPED,
+        TOO_FAST,
+    }
 
 
 def quick(times: float, pace_std: float, more_mps2: float = 0.0) -> str:
@@ -269,7 +314,6 @@ HARMLESS: dict[str, Lie] = {
     "the wheel alone is wrong": lambda seen, s: replace(seen, wheel_mps=0.0),
     "the operator changes his mind and back": lambda seen, s: replace(seen, wavering=2),
     "a burst of frames": lambda seen, s: replace(seen, crowding=1.5),
-    "the engine labours": lambda seen, s: replace(seen, engine_rpm=2100.0 - 300.0 * min(s, 1.0)),
     "a hill takes more of the speed in a fast gear": lambda seen, s: replace(seen, disturbance_mps=-1.0, alpha=0.33),
     "the speed is noisy": lambda seen, s: replace(seen, unexpected_mps=0.05 * math.cos(20.0 * math.pi * s)),
     "the model errs by half while the drive begins to move": lambda seen, s: moving(seen, 0.8, 0.4, s),
@@ -278,7 +322,7 @@ HARMLESS: dict[str, Lie] = {
     ),
     "behind for a moment": lambda seen, s: replace(seen, followed_mps=2.5 if s < 0.9 else 1.5),
     "nothing is measured": lambda seen, s: replace(
-        seen, speed_mps=math.nan, current_ma=math.nan, engine_rpm=math.nan, disturbance_mps=math.nan
+        seen, speed_mps=math.nan, current_ma=math.nan, disturbance_mps=math.nan
     ),
     "somebody else drives, at another current": lambda seen, s: replace(
         seen, commanded_ma=math.nan, followed_mps=math.nan, current_ma=500.0, crowding=3.0

@@ -3,6 +3,7 @@
 import math
 import random
 from collections.abc import Callable, Iterable
+from itertools import count
 
 import pytest
 
@@ -156,6 +157,16 @@ def test_signals_that_the_model_does_not_need_may_go_and_come():
     drive = Whole(tamper).run(FAULT_S + 4.0)  # oil temperature is stale 3 s later
     assert drive.engaged_at(drive.now_s)
     assert drive.node.engagement.setpoint_mps == pytest.approx(1.2)
+
+
+def test_an_engine_speed_that_comes_at_5_hz_may_follow_the_throttle():
+    numbers = count()
+    throttle = (
+        FieldRow(at_s=1.0, over_s=0.5, engine_speed_setpoint_rpm=1500.0),
+        FieldRow(at_s=2.5, over_s=1.0, engine_speed_setpoint_rpm=2100.0),
+    )
+    drive = Whole(lambda name, frame: () if name == "EEC1" and next(numbers) % 10 else (frame,), throttle).run(END_S)
+    assert drive.engaged_at(END_S)
 
 
 def test_another_sources_speed_is_not_taken_for_the_drives():

@@ -39,10 +39,12 @@ from cruise.model import files
 from cruise.model.history import history_of
 from cruise.recording import notes_of
 from cruise.report.model_file import model_file
+from cruise.report.plain import plain
 from cruise.settings import SettingsError
 from cruise.validation import ladder
-from cruise.validation.ladder import NO_SIGN, Added, Parameter
+from cruise.validation.ladder import Added, Parameter
 from cruise.validation.noise_floor import NoiseFloor
+from cruise.validation.numbers import BOUND, IMPLAUSIBLE, NO_SIGN, NOT_TOLD
 from cruise.validation.study import Study
 
 LITTLE = 0.02  # of the error: less is nothing that anyone would notice
@@ -84,7 +86,7 @@ def add(
     fitted = ladder.parameters(study, added)
     if as_json:
         said = report(model, study, added, floor, fitted) | {"model_file": str(out) if out else None}
-        print(json.dumps(said, indent=2))
+        print(json.dumps(plain(said), indent=2))
     else:
         _print(model, study, added, floor, fitted, out)
 
@@ -146,20 +148,38 @@ def _print(
     less = 1.0 - added.error_after_mps / added.error_before_mps if added.error_before_mps else 0.0
     fell = f"{added.error_before_mps:.4f} -> {added.error_after_mps:.4f} m/s"
     console.print()
-    console.print(
-        f"held-out error {study.horizon_s:g} s ahead:",
-        bold(fell, f", {f'{100 * less:.0f} % less' if less >= 0.0 else 'more than before'}"),
-    )
+    console.print(f"held-out error {study.horizon_s:g} s ahead:", bold(fell, f", {_change(less)}"))
     console.print(f"noise floor: {floor_in_words(floor)}")
-    if _absent(added.effect, fitted):
+    absent, odd = _absent(added.effect, fitted), [one.name for one in fitted if one.remark == IMPLAUSIBLE]
+    if less <= -LITTLE:
+        console.print("It makes the model worse: leave it out; cruise diagnose says what would help.")
+    elif absent:
         console.print("There is no sign of it in these recordings: it was fitted to nothing, or may push one way only.")
     elif less < LITTLE:
         console.print("It explains next to nothing of these recordings: cruise diagnose says what would.")
+    for name in odd:
+        console.print(f"{name} is negative, which is implausible: more current would slow the machine down.")
     console.print(_table(fitted))
+    for remark in (NOT_TOLD, BOUND, NO_SIGN):
+        names = [one.name for one in fitted if one.remark == remark]
+        if names:
+            console.print(f"{remark}: {', '.join(names)}")
     if out is None:
         console.print("nothing was written; -o FILE.yaml keeps the model")
+    elif absent or less < LITTLE or odd:
+        console.print(f"model: {out}; cruise ladder {out} --undo takes {added.effect} out again")
     else:
         console.print(f"model: {out}; next: cruise ladder {out}, or cruise run with it")
+
+
+def _change(less: float) -> str:
+    """How much of the error went, or came, in words."""
+    percent = round(100 * less)
+    if percent == 0:
+        return "as much as before"
+    if percent <= -100:
+        return f"{1.0 - less:.2g} times as much"
+    return f"{abs(percent)} % {'less' if percent > 0 else 'more'}"
 
 
 def _absent(effect: str, fitted: list[Parameter]) -> bool:
@@ -186,6 +206,6 @@ def _table(fitted: list[Parameter]) -> Table:
         table.add_column(heading, justify="left" if words else "right", no_wrap=heading == "parameter")
     for one in fitted:
         before = f"{one.before:.4g}" if one.before is not None else ""
-        error = one.remark or (f"{one.std:.2g}" if math.isfinite(one.std) else "-")
+        error = f"{one.std:.2g}" if math.isfinite(one.std) else "-"
         table.add_row(one.name, one.unit, before, f"{one.after:.4g}", error)
     return table

@@ -267,9 +267,15 @@ def hidden(found: Diagnosis) -> list[str]:
             continue
         size = float(np.sqrt(np.nanmean((found.base.fit.error_mps - trial.judged.fit.error_mps) ** 2)))
         fitted = evidence.numbers_of(one.effect, evidence.numbers(found.study, trial.judged))
-        shape = ", ".join(f"{n.name} {figure(n.value)} ± {figure(n.std)} {n.unit}".rstrip(" -") for n in fitted)
+        shape = ", ".join(map(_with_error, fitted))
         said.append(f"`{one.effect}` at its best fit moves it by {figure(size)} m/s ({shape})")
     return said
+
+
+def _with_error(one: Number) -> str:
+    unit = "" if one.unit == "-" else f" {one.unit}"
+    told = f"{figure(one.value)} ± {figure(one.std)}{unit}" if math.isfinite(one.std) else one.remark
+    return f"{one.name} {told}"
 
 
 def experiments(found: Diagnosis) -> list[str]:

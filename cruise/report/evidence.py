@@ -11,17 +11,16 @@ import numpy as np
 from cruise.recording import Recording
 from cruise.validation.candidates import UNNAMED, owner
 from cruise.validation.diagnose import Diagnosis, Verdict
-from cruise.validation.explanation import CORE, RESONANCE, Explanation
+from cruise.validation.explanation import Explanation
 from cruise.validation.noise_floor import NoiseFloor, noise_floor
+from cruise.validation.numbers import Number
+from cruise.validation.numbers import numbers as numbers
 from cruise.validation.search import Judged
-from cruise.validation.study import Study
 from cruise.validation.tried import Tried, tried_in
 from cruise.validation.unnamed import RestCurrent
 
-AT_BOUND: Final = 1e-3  # of the range between the bounds: a solver that stays inside comes no closer
 SURE: Final = 2.0  # standard errors
 LITTLE: Final = 0.01  # relative change that matters to nobody
-UNTOLD: Final = 0.5  # of that range: a standard error above it says that nothing was learned
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,72 +91,6 @@ def floor_of(found: Diagnosis, native: Sequence[Recording]) -> NoiseFloor:
     study, scene = found.study, found.study.search.scene
     predicted_mps = scene.speed_mps - found.final.error_mps
     return noise_floor(native, study.recordings, [predicted_mps[part] for part in scene.parts], study.horizon)
-
-
-@dataclass(frozen=True)
-class Number:
-    """A fitted number with its standard error, and what is plausible."""
-
-    owner: str  # core, or an effect
-    name: str
-    unit: str
-    value: float
-    std: float
-    low: float
-    high: float
-    neutral: float  # NaN: none removes it
-    meaning: str
-
-    @property
-    def told(self) -> bool:
-        """Whether the recordings say anything about it."""
-        return not self.std > UNTOLD * (self.high - self.low) and (self.std > 0.0 or np.isinf(self.high - self.low))
-
-    @property
-    def absent(self) -> bool:
-        """Whether it has the value at which it does nothing."""
-        return abs(self.value - self.neutral) <= AT_BOUND * min(self.high - self.low, 1.0)
-
-    @property
-    def plausible(self) -> bool:
-        """Strictly between the bounds; or without effect, or not told, which contradicts nothing."""
-        if not np.isfinite(self.high - self.low):
-            return self.low < self.value < self.high
-        room = AT_BOUND * (self.high - self.low)
-        return self.absent or not self.told or self.low + room < self.value < self.high - room
-
-    @property
-    def remark(self) -> str:
-        """What an engineer should think of it."""
-        if not self.told:
-            return "not told by the data"
-        if self.absent:
-            return "no sign of it"
-        return "plausible" if self.plausible else "at its bound"
-
-
-def numbers(study: Study, judged: Judged) -> list[Number]:
-    """All that was fitted, with standard errors from blocks of time."""
-    stds = np.sqrt(np.maximum(np.diag(study.search.covariance(judged.fit)), 0.0))
-    effects = {effect.name: effect for effect in judged.explanation.effects}
-    result = []
-    for slot, value, std in zip(judged.fit.layout.slots, judged.fit.vector.tolist(), stds.tolist(), strict=True):
-        place, name, unit, low, high, neutral = slot.owner, slot.name, "m/s", slot.low, slot.high, np.nan
-        if place == "core":
-            bound = {**CORE, **RESONANCE}[name]
-            place = "resonance" if name in RESONANCE else place
-            unit, meaning = bound.unit, bound.meaning
-        elif place == "offset":
-            place, meaning = "core", "speed without current"
-        elif name == "load":
-            free = effects[place].either_sign
-            low, high, unit = -np.inf if free else 0.0, np.inf, "m/s per phi"
-            meaning = "steady speed that one unit of phi brings"
-        else:
-            bound = effects[place].parameters[name]
-            unit, neutral, meaning = bound.unit, bound.neutral, bound.meaning
-        result.append(Number(place, name, unit, value, std, low, high, neutral, meaning))
-    return result
 
 
 def numbers_of(name: str, all_numbers: Sequence[Number]) -> list[Number]:

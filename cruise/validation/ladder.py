@@ -9,7 +9,6 @@ own and was never driven below it: nothing showed that before.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Final
 
 import numpy as np
 
@@ -22,22 +21,19 @@ from cruise.model.files import PhysicalCore
 from cruise.model.model import Model
 from cruise.recording import Recording
 from cruise.validation.candidates import Candidate, with_effect, without
-from cruise.validation.explanation import CORE, RESONANCE, Explanation
+from cruise.validation.explanation import Explanation
 from cruise.validation.noise_floor import NoiseFloor, noise_floor
+from cruise.validation.numbers import numbers
 from cruise.validation.search import FOLDS, Judged, Search
 from cruise.validation.simulation import WARM_UP_S
 from cruise.validation.study import Show, Study, candidate, discrete, study
 from cruise.validation.terms import check_term, defined, term_candidate
 from cruise.validation.unnamed import RestCurrent
 
-NO_SIGN: Final = "no sign"  # remark on what was fitted to nothing
-AT_BOUND: Final = 1e-3  # of a parameter's range
-NOTHING: Final = 1e-6  # in m/s per unit of phi, and of a parameter's range: no sign of it
-
 
 @dataclass(frozen=True)
 class Parameter:
-    """One fitted number before and after; `std` of the value after. None: it was not there."""
+    """One fitted number before and after; `std` of the value after, infinite if not told. None: it was not there."""
 
     name: str
     unit: str
@@ -156,36 +152,18 @@ def physical(explanation: Explanation) -> PhysicalCore:
 
 def parameters(study: Study, added: Added) -> list[Parameter]:
     """Everything that was fitted, in physical terms."""
-    fits = added.before.fit, added.after.fit
-    before, after = (
-        {(slot.owner, slot.name): value for slot, value in zip(one.layout.slots, one.vector.tolist(), strict=True)}
-        for one in fits
-    )
-    std = np.sqrt(np.maximum(np.diag(study.search.covariance(added.after.fit)), 0.0)).tolist()
-    shapes = {effect.name: effect.parameters for effect in added.after.explanation.effects}
-    found = []
-    for slot, error in zip(added.after.fit.layout.slots, std, strict=True):
-        value, bound = after[slot.owner, slot.name], None
-        if slot.owner == "core":
-            bound = {**CORE, **RESONANCE}[slot.name]
-            name, unit = slot.name, bound.unit
-        elif slot.owner == "offset":
-            name, unit = slot.name, "m/s"
-        elif slot.name == "load":
-            name, unit = f"{slot.owner}.load", "m/s"
-        else:
-            bound = shapes[slot.owner][slot.name]
-            name, unit = f"{slot.owner}.{slot.name}", bound.unit
-        room = slot.high - slot.low
-        remark = ""
-        if (slot.name == "load" and abs(value) < NOTHING) or (
-            slot.owner in shapes and bound is not None and abs(value - bound.neutral) < NOTHING * room
-        ):
-            remark = NO_SIGN
-        elif bound is not None and min(value - slot.low, slot.high - value) < AT_BOUND * room:
-            remark = "at bound"
-        found.append(Parameter(name, unit, before.get((slot.owner, slot.name)), value, error, remark))
-    return found
+    before = {(one.owner, one.name): one.value for one in numbers(study, added.before)}
+    return [
+        Parameter(
+            one.name if one.owner in ("core", "resonance") else f"{one.owner}.{one.name}",
+            one.unit,
+            before.get((one.owner, one.name)),
+            one.value,
+            one.std,
+            one.remark,
+        )
+        for one in numbers(study, added.after)
+    ]
 
 
 def _drivable(search: Search, found: Judged) -> Judged:

@@ -37,6 +37,8 @@ ORDINARY_STEPS: Final = 40
 SETTLED_STEPS: Final = 300
 SETTLED: Final = 1e-7  # relative change at which a fit has settled: along a valley of several shapes steps are short
 BOOTSTRAPS: Final = 400
+STILL: Final = 1e-10  # of the greatest curvature, every number in units of what it moves: so little tells nothing
+PART: Final = 0.01  # of a number in a direction that is not told, from which on it is not told either
 PUMP_HZ: Final = 1.0  # Hz, below which a servo is no pump's, but the loop around a whole drive: well damped
 SERVO_HZ: Final = (0.8, 1.8)  # from which the fit of a servo with a pair of poles begins
 SERVO_LAGS_S: Final = (0.05, 0.03)  # likewise, of the lags beside it
@@ -261,14 +263,30 @@ class Search:
         return Judged(name, found, tuple(vectors), unseen, *self._by_block(unseen, white))
 
     def covariance(self, found: Fit) -> np.ndarray:
-        """Covariance (p, p) of the fitted numbers: a sandwich over blocks of time, which coloured errors don't fool."""
-        error, scale = bounded(found.error_mps), found.layout.scale
+        """Covariance (p, p) of the fitted numbers: a sandwich over blocks of time, which coloured errors don't fool.
+
+        What the data don't tell counts as known.
+        """
+        scale = found.layout.scale
         slopes = found.jacobian * scale
-        curvature = slopes.T @ slopes
-        inverse = np.linalg.pinv(curvature, rcond=1e-10, hermitian=True)
-        pulls = np.zeros((int(self.blocks.max()) + 1, len(scale)))
-        np.add.at(pulls, self.blocks, slopes * error[:, None])
-        return inverse @ (pulls.T @ pulls) @ inverse * np.outer(scale, scale)
+        inverse = np.linalg.pinv(slopes.T @ slopes, rcond=1e-10, hermitian=True)
+        return self._sandwich(found, slopes, inverse) * np.outer(scale, scale)
+
+    def standard_errors(self, found: Fit) -> np.ndarray:
+        """Standard errors (p,) of the fitted numbers: infinite for all that take part in what moves no error."""
+        size = np.linalg.norm(found.jacobian.astype(float), axis=0)
+        size[size == 0.0] = 1.0
+        slopes = found.jacobian / size
+        strength, ways = np.linalg.eigh(slopes.T @ slopes)
+        still = strength <= STILL * strength[-1]
+        inverse = (ways[:, ~still] / strength[~still]) @ ways[:, ~still].T
+        errors = np.sqrt(np.maximum(np.diag(self._sandwich(found, slopes, inverse)), 0.0)) / size
+        return np.where((np.abs(ways[:, still]) > PART).any(axis=1), np.inf, errors)
+
+    def _sandwich(self, found: Fit, slopes: np.ndarray, inverse: np.ndarray) -> np.ndarray:
+        pulls = np.zeros((int(self.blocks.max()) + 1, slopes.shape[1]))
+        np.add.at(pulls, self.blocks, slopes * bounded(found.error_mps)[:, None])
+        return inverse @ (pulls.T @ pulls) @ inverse
 
     def ahead_rms_mps(self, judged: Judged, horizon_s: float) -> float:
         """RMS in m/s of the discrete model's error `horizon_s` ahead, every sample by the fold that has not seen it."""

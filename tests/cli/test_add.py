@@ -1,6 +1,7 @@
 """`cruise add` and `cruise ladder` as a user meets them."""
 
 import json
+import re
 import sys
 from pathlib import Path
 
@@ -8,7 +9,7 @@ import msgspec
 import pytest
 
 from cruise import cli, settings
-from cruise.cli.add import _absent
+from cruise.cli.add import _absent, _change
 from cruise.cli.places import CONFIG
 from cruise.csv_file import write_csv
 from cruise.model import files
@@ -16,8 +17,8 @@ from cruise.plant import PlantSettings
 from cruise.service import course, demo
 from cruise.service import settings as service_settings
 from cruise.validation import ladder as validation
-from cruise.validation.ladder import NO_SIGN
 from cruise.validation.noise_floor import Bound, NoiseFloor
+from cruise.validation.numbers import NO_SIGN
 from tests.validation.machine import record
 
 MODEL = "arx:na=1,nb=3,delay_s=0.4"
@@ -239,6 +240,48 @@ def test_an_effect_that_explains_nothing_is_said_to(verb, drives):
     code, out, _ = verb("add", "custom(lift, load, pitch_deg)", "--model", MODEL, drives / "hills.csv")
     assert code == 0
     assert "There is no sign of it in these recordings" in flat(out)
+
+
+@pytest.mark.usefixtures("quick")
+def test_a_model_that_got_worse_is_said_to_be_and_no_one_is_sent_to_drive_with_it(verb, drives):
+    code, out, err = verb(
+        "add", "custom(div, gain, 1/pitch_deg)", "--model", MODEL, drives / "hills.csv", "-o", "worse.yaml"
+    )
+    assert (code, err) == (0, "")
+    assert re.search(r"held-out error 3 s ahead: \S+ -> \S+ m/s, \d+(\.\d)? times as much", flat(out))
+    assert "It makes the model worse: leave it out" in flat(out)
+    assert "cruise ladder worse.yaml --undo takes div out again" in flat(out)
+    assert "cruise run" not in out
+    code, out, _ = verb("add", "engine_speed", "--model", f"{MODEL}+grade", drives / "hills.csv", "-o", "same.yaml")
+    assert code == 0
+    assert "--undo takes engine_speed out again" in flat(out)
+    assert "cruise run" not in out
+
+
+@pytest.mark.usefixtures("quick")
+def test_a_gain_that_slows_the_machine_down_is_implausible(verb, drives):
+    term = "custom(against, gain, -1 + p1*pitch_deg)"  # which turns the sign of all that the current does
+    code, out, _ = verb("add", term, "--model", MODEL, drives / "hills.csv")
+    assert code == 0
+    assert "gain_mps_per_ma is negative, which is implausible: more current would slow the machine down" in flat(out)
+
+
+@pytest.mark.parametrize(
+    ("less", "words"),
+    [(0.467, "47 % less"), (-0.004, "as much as before"), (-0.3, "30 % more"), (-11.68, "13 times as much")],
+)
+def test_the_change_of_the_error_in_words(less, words):
+    assert _change(less) == words
+
+
+@pytest.mark.usefixtures("quick")
+def test_what_the_data_can_not_separate_is_said_and_has_no_error_in_json(verb, drives):
+    words = ("add", "custom(slope, load, p1*pitch_deg)", "--model", MODEL, drives / "hills.csv")
+    code, out, _ = verb(*words)
+    assert code == 0
+    assert re.search(r"not told by the data: .*slope\.load, slope\.p1", flat(out))
+    found = said(verb(*words, "--json")[1])["parameters"]
+    assert (found["slope.p1"]["std"], found["slope.p1"]["remark"]) == (None, "not told by the data")
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ from cruise.model.files import Provenance
 from cruise.recording import Recording
 from cruise.signals import OUTPUT
 from cruise.validation import ladder
+from cruise.validation.numbers import NOT_TOLD, PLAUSIBLE, numbers
 from tests.validation.machine import GAIN, record
 
 STRUCTURE = "arx:na=1,nb=3,delay_s=0.4"
@@ -66,6 +67,28 @@ def test_the_parameters_are_physical_and_say_where_they_were(study, graded):
     assert pull.before is None
     assert pull.after == pytest.approx(0.03 / (9.81 * np.radians(1.0)), rel=0.1)  # no less mass matters in this machine
     assert all(one.std >= 0.0 for one in found.values())
+    assert {one.remark for one in (gain, pull)} == {PLAUSIBLE}
+
+
+def test_a_product_of_which_only_the_whole_is_told_says_so_of_both_factors(study):
+    added = ladder.add(study, Custom("slope", Stage.LOAD, "p1 * pitch_deg"))
+    found = {one.name: one for one in ladder.parameters(study, added)}
+    for factor in (found["slope.load"], found["slope.p1"]):
+        assert (factor.std, factor.remark) == (np.inf, NOT_TOLD)
+    assert 0.0 < found["gain_mps_per_ma"].std < 0.1 * found["gain_mps_per_ma"].after
+    assert all(np.isfinite(added.model.theta_std))
+
+
+def test_numbers_that_are_hardly_told_are_said_to_be(study, graded):
+    """Beside a width of next to nothing no one can say how much of it is friction."""
+    added = ladder.add(study, "hysteresis")
+    found = {one.name: one for one in ladder.parameters(study, added)}
+    width, share = found["hysteresis.width_ma"], found["hysteresis.share"]
+    assert width.after < 2.0
+    assert share.remark == NOT_TOLD
+    assert [one.remark for one in ladder.parameters(study, graded)] == [
+        one.remark for one in numbers(study, graded.after)
+    ]
 
 
 def test_what_is_written_is_the_model_that_was_judged(tmp_path, graded):

@@ -129,6 +129,10 @@ def test_a_number_is_plausible_strictly_between_its_bounds():
     assert number(0.3, std=0.7).remark == "not told by the data"
     assert number(0.3, std=0.0).remark == "not told by the data"
     assert number(1.0).remark == "at its bound"
+    assert number(0.3, std=np.inf, low=-np.inf, high=np.inf).remark == "not told by the data"
+    assert number(-0.1, high=np.inf).remark == "implausible"
+    assert number(2e-4, low=-1.0, neutral=0.0).remark == "plausible", "a few thousandths per mm are no nothing"
+    assert number(0.0, high=np.inf, neutral=0.0).remark == "no sign of it"
     free, pushing = number(-0.1, low=-np.inf, high=np.inf, neutral=np.nan), number(0.0, high=np.inf, neutral=np.nan)
     assert (free.plausible, pushing.plausible) == (True, False)
 

@@ -18,7 +18,7 @@ from typing import Annotated, Final
 import msgspec
 import numpy as np
 
-from cruise.control.frame_model import at_period
+from cruise.control.frame_model import at_period, servo_of
 from cruise.control.inversion import Inversion, InversionSettings
 from cruise.control.limits import Limits, LimitSettings
 from cruise.control.observer import DisturbanceObserver, ObserverSettings, rounded
@@ -30,13 +30,17 @@ from cruise.control.slope import SlopeObserver
 from cruise.control.trend import Trend
 from cruise.control.width import BelievedWidth
 from cruise.effects import Effect
+from cruise.effects.dead_zone import DeadZone
 from cruise.effects.grade import Grade
+from cruise.effects.power_limit import PowerLimit
 from cruise.model.model import Model, ModelState
 from cruise.settings import Positive, SettingsError
 from cruise.signals import OUTPUT, Sample
 
+AT_ITS_END_MPS: Final = 1e-4  # m/s, by which a plan that can't be met misses the end of what the drive gives
+EDGE_MA: Final = 30.0  # mA, of a dead zone: by as much where it ends may be believed wrong
+IDLE_MA_PER_S: Final = 100.0  # mA/s, back to no current where the machine is too fast without any drive
 LAW_STEPS: Final = 20.0  # per factor e, of poles and paces: those that differ by less share one programme
-POWER = ("engine_load_pct", "engine_speed_rpm", "line_pressure_bar")
 
 
 class ControlSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -73,9 +77,18 @@ class Command:
     limit_status: LimitStatus = LimitStatus.NOT_LIMITED
 
 
-def _on_the_ground(effect: Effect) -> Effect:
-    """The effect for a pitch that is the ground's: lag and acceleration are the slope observer's."""
-    return effect.reshaped(filter_s=0.0, acceleration_share=0.0) if isinstance(effect, Grade) else effect
+def _as_driven(effect: Effect, shown: float) -> Effect:
+    """The effect for a pitch that is the ground's: lag and acceleration, of which `shown` was seen, are taken out.
+
+    A dead zone gets an edge: no machine's is sharp where the model's is, and beside a corner the speed would swing.
+    """
+    if isinstance(effect, DeadZone):
+        return effect.reshaped(edge_ma=max(effect.edge_ma, EDGE_MA))
+    if isinstance(effect, Grade):
+        return effect.reshaped(filter_s=0.0, acceleration_share=0.0)
+    if isinstance(effect, PowerLimit):
+        return effect.reshaped(acceleration_share=effect.acceleration_share - shown)
+    return effect
 
 
 NEUTRAL = Command(0.0, math.nan, math.nan, "")
@@ -110,6 +123,8 @@ class Controller:
         self.limited = ""
         self._sent_ma = 0.0
         self.width = BelievedWidth(model)
+        self.past_references: deque[float] = deque([0.0])
+        self.reach_mps = 0.0, math.inf  # least and greatest that the drive gives, in m/s of steady speed
         self._drive_with(model)
 
     @property
@@ -131,7 +146,8 @@ class Controller:
         pole = self.observer.pole(self.pole, self._stroke_yielding(state.drives))
         ahead_mps = self._load_mps(state) + self.observer.disturbance_mps - self.observer.speed_mps
         changes, changed_mps = [], 0.0
-        for drive_ma in np.correlate(state.drives[: delay + len(self._share)], self._share)[::-1].tolist():
+        on_their_way = state.drives[: delay + len(self._share) - 1]  # v_k is felt in delay frames for the first time
+        for drive_ma in np.correlate(on_their_way, self._share)[::-1].tolist() if delay else ():
             step_mps = (1.0 - pole) * (self._gain * state.gain * drive_ma + ahead_mps - changed_mps)
             changed_mps += step_mps
             changes.append(step_mps)
@@ -145,9 +161,7 @@ class Controller:
     def adopt(self, model: Model) -> None:
         """Drive with other parameters of the same structure from now on, without a bump."""
         before_mps = self._steady_mps() if self.state is not None else 0.0
-        speed_mps = self.past_references[-1]
         self._drive_with(model)
-        self.past_references.extend([speed_mps] * len(self.past_references))
         self.trend.restart()
         if self.state is not None:
             self.state = self._resized(self.state)
@@ -164,8 +178,8 @@ class Controller:
             return NEUTRAL if setpoint_mps is None else Command(0.0, math.nan, math.nan, "no measurement")
         if not self.engaged:
             self._take_over()
-        load_pct, engine_rpm, bar = (sample.signals.get(name, math.nan) for name in POWER)
-        bearable_mps = self.power.step(load_pct, engine_rpm, bar, self.observer.speed_mps, setpoint_mps)
+        engine_rpm, bar = (sample.signals.get(name, math.nan) for name in ("engine_speed_rpm", "line_pressure_bar"))
+        bearable_mps = self.power.step(engine_rpm, bar, self.observer.speed_mps, setpoint_mps)
         self._plan(self.state, bearable_mps, gently)
         if bearable_mps < setpoint_mps:
             self.limited = "engine or drive at its limit"
@@ -181,20 +195,23 @@ class Controller:
 
     def _drive_with(self, model: Model) -> None:
         self.adopted = model
-        fast = at_period(replace(model, effects=tuple(map(_on_the_ground, model.effects))), self.frame_s)
+        share = next((effect.acceleration_share for effect in model.effects if isinstance(effect, Grade)), None)
+        effects = tuple(_as_driven(effect, share or 0.0) for effect in model.effects)
+        fast = at_period(replace(model, effects=effects), self.frame_s)
         self.width.adopt(fast)
         (self._pole,), b, *_ = fast.split(fast.theta)
         self._gain = fast.dc_gain_mps_per_ma
         self._share = np.array(b) / sum(b)
+        self._servo = servo_of(fast)
         self._programmes: dict[tuple[int, int], Programme] = {}
-        share = next((effect.acceleration_share for effect in model.effects if isinstance(effect, Grade)), None)
         if share != (self.slope and self.slope.acceleration_share):
             self.slope = (
                 None if share is None else SlopeObserver(share, self.frame_s, self.settings.observer.speed_noise_mps)
             )
         # The reference that the machine can follow lies the dead time in the past; lags are led.
         late = max(fast.delay - round(self.settings.predictive.lead_s / self.frame_s), 0)
-        self.past_references = deque([0.0] * (late + 1), maxlen=late + 1)
+        past = (*self.past_references,)
+        self.past_references = deque((*past[:1] * (late + 1), *past), maxlen=late + 1)
 
     def _resized(self, state: ModelState) -> ModelState:
         """The state for the delay and the taps of the present model."""
@@ -219,13 +236,15 @@ class Controller:
         return self.model.yielding(drives_ma, self.signals) / self.model.gear_yielding(self.signals)
 
     def _limit_status(self) -> LimitStatus:
-        limits = self.settings.limits
-        if self.wanted_ma >= limits.current_max_ma or self.power.limiting:
+        low_mps, high_mps = self.reach_mps
+        wanted_mps = self.plan.wanted_mps if self.plan is not None else math.nan
+        if wanted_mps >= high_mps - AT_ITS_END_MPS or self.power.limiting:
             return LimitStatus.LIMITED_HIGH
-        return LimitStatus.LIMITED_LOW if self.wanted_ma <= limits.current_min_ma else LimitStatus.NOT_LIMITED
+        return LimitStatus.LIMITED_LOW if wanted_mps <= low_mps + AT_ITS_END_MPS else LimitStatus.NOT_LIMITED
 
     def _watch(self, sample: Sample) -> None:
         """Take a measured sample in, whoever drives."""
+        self.power.watch(*(sample.signals.get(name, math.nan) for name in ("engine_load_pct", "engine_speed_rpm")))
         model = self.model
         known = math.isfinite(sample.current_ma) and math.isfinite(sample.speed_mps) and model.usable(sample.signals)
         if not known:
@@ -278,7 +297,9 @@ class Controller:
         found = self._programmes.get(key)
         if found is None:
             settings = self.settings.predictive
-            found = Programme(pole, self._share, self.model.delay, self.shaper, self.frame_s, settings, self.pace)
+            found = Programme(
+                pole, self._share, self.model.delay, self.shaper, self.frame_s, settings, self.pace, self._servo.lag_s
+            )
             self._programmes[key] = found
         return found
 
@@ -315,16 +336,21 @@ class Controller:
             self._trend_mps2(),
             self.wanted_mps - load_mps,
         )
-        low, high = steady_mps(limits.current_min_ma), steady_mps(limits.current_max_ma)
-        rate = (high - low) / (limits.current_max_ma - limits.current_min_ma) * limits.rate_max_ma_per_s
+        low, high = self.reach_mps = steady_mps(limits.current_min_ma), steady_mps(limits.current_max_ma)
+        slope = (high - low) / (limits.current_max_ma - limits.current_min_ma)
+        servo_ma_per_s = self._servo.rate_ma_per_s
+        rise = slope * min(limits.rate_max_ma_per_s, servo_ma_per_s)
+        fall = slope * min(limits.rate_max_ma_per_s, servo_ma_per_s * self._servo.return_share)
         share = settings.predictive.engaging_share if gently else 1.0
         # As if the drive were quicker by a standard deviation of what its gear leaves open: a plan for a slow one asks
         # for much, and a quick one gives it.
         quicker = math.exp(self.observer.pace_std)
-        self.plan = programme.solve(now, reference, Bounds(low, high, rate, share, 1.0 / quicker))
+        self.plan = programme.solve(now, reference, Bounds(low, high, rise, fall, share, 1.0 / quicker))
         self.wanted_mps = self.plan.wanted_mps + load_mps
         inverse = self.inversion.step(model, self.plan.wanted_mps / gain, state, signals)
         wanted_ma = inverse.nearest(self.wanted_ma)
+        if self.plan.wanted_mps <= low + AT_ITS_END_MPS:  # any current of a dead zone would do: slowly to its middle
+            wanted_ma = min(wanted_ma, self.wanted_ma) - IDLE_MA_PER_S * self.frame_s
         self.limited = inverse.refused or ("" if self.plan.solved else "no plan found")
         if math.isfinite(wanted_ma):
             self.wanted_ma = min(max(wanted_ma, limits.current_min_ma), limits.current_max_ma)

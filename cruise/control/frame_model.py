@@ -16,6 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from cruise.effects.rate_limit import RateLimit
 from cruise.model.core import Core
 from cruise.model.model import Model
 
@@ -47,6 +48,11 @@ def core_of(model: Model, period_s: float) -> Core:
     lag_s = _lag_with_spread(spread_s2 - vehicle[1], period_s)
     delay_s = mean_s - vehicle[0] - lag_s
     return Core(model.dc_gain_mps_per_ma, max(delay_s, 0.0), lag_s, time_constant_s)
+
+
+def servo_of(model: Model) -> RateLimit:
+    """The servo that the model knows beside its core: one that follows at once, where it knows none."""
+    return next((effect for effect in model.effects if isinstance(effect, RateLimit)), RateLimit())
 
 
 def at_period(model: Model, period_s: float) -> Model:

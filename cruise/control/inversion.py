@@ -54,7 +54,8 @@ class Inversion:
     def _undo(self, effect: Effect, wanted: Inverse, signals: Signals, state: State) -> Inverse:
         if not isinstance(effect, Hysteresis):
             return exactly(effect, wanted, signals, state)
-        current_ma = self._through(effect, 0.5 * (wanted.low + wanted.high), state)
+        wanted_ma = wanted.nearest(0.5 * (wanted.low + wanted.high) if math.isnan(state) else state)
+        current_ma = self._through(effect, wanted_ma, state)
         return Inverse(current_ma, current_ma)
 
     def _through(self, effect: Hysteresis, wanted_ma: float, stands_ma: float) -> float:

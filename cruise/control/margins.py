@@ -1,16 +1,16 @@
 """Gain and phase margin of the speed loop: the law that one model would give, around another model as the machine.
 
-    L = -P X / Y,   X / Y = s k D Z^-1 K / [B D - s k D Z^-1 (I - K C) (1 - A, 0, 0, 0)' H q],   q = exp(-i w T)
-    P = (K_P / K) (1 - A_P) H_P q / (1 - A_P q),   H = q^d sum_j h_j q^j,   G = 1 - (1 - c) q,   s = c^n
-    Z = I - (I - K C) F q,   D = det Z
-    B = G^n (1 - k_w q) - s q sum_j k_j q^j - q sum_i k_i c^i G^(n-i)
+    L = -P X / Y,   X / Y = s k D Z^-1 K / [B D - s k D Z^-1 (I - K C) (1 - A, 0, 0, 0)' H E q],   q = exp(-i w T)
+    P = (K_P / K) (1 - A_P) H_P E_P q / (1 - A_P q),   H = q^d sum_j h_j q^j,   G = 1 - (1 - c) q,   s = c^n
+    Z = I - (I - K C) F q,   D = det Z,   E = (1 - e) / (1 - e q),   e = exp(-T / tau)
+    B = G^n (1 - k_w q) - s q E sum_j k_j q^j - q sum_i k_i c^i G^(n-i)
 
 Y measured speed, X the drive that is sent, both in m/s; k the first move of the law, unconstrained, for each thing that
 a plan begins from: speed and disturbance as a row k, and one by one drives sent k_j, states of the shaper k_i, wanted
 drive of before k_w. F, K and C transition, gain and sensor's row of the disturbance observer, A pole of the vehicle, h
 and d response and delay of the drive, K_P / K gains in m/s per mA, those without P of the law's model, those with P of
-the machine. c share and n order of the shaper, T frame. The command effects are inverted and drop out; what is measured
-beside the speed is fed forward and is outside of the loop.
+the machine. c share and n order of the shaper, tau lag of a servo of its own (`rate_limit`), T frame. The command
+effects are inverted and drop out; what is measured beside the speed is fed forward and is outside of the loop.
 
 The loop is stable where its characteristic polynomial, the denominator of 1 / (1 + L) with nothing cancelled, has no
 zero in |q| <= 1: where it does not wind around zero (argument principle). The margins are those of python-control's
@@ -26,10 +26,11 @@ import numpy as np
 from numpy.polynomial.polynomial import polyval
 
 from cruise.control.controller import ControlSettings
-from cruise.control.frame_model import at_period
+from cruise.control.frame_model import at_period, servo_of
 from cruise.control.observer import SEEN, DisturbanceObserver
 from cruise.control.predictive import Bounds, Now, Programme
 from cruise.control.shaping import CommandShaper
+from cruise.effects import low_pass
 from cruise.model.model import Model
 
 LOWEST_HZ: Final = 1e-3  # below, the loop is its integrator
@@ -57,10 +58,16 @@ class Drive:
         self.usual_pole = 1.0 - pace * (1.0 - pole)
         self.pole = self.usual_pole ** (1.0 / yielding)
         self.delay, self.response = fast.delay, np.array(taps) / sum(taps)
+        self.servo_s = servo_of(fast).lag_s
+        self._kept = 1.0 - low_pass.share(self.servo_s, frame_s)
+
+    def followed(self, q: np.ndarray) -> np.ndarray:
+        """E, from the drive that is sent to what the servo makes of it."""
+        return (1.0 - self._kept) / (1.0 - self._kept * q)
 
     def felt(self, q: np.ndarray) -> np.ndarray:
-        """(1 - A) H q, from the drive that is sent to the numerator of the speed."""
-        return (1.0 - self.pole) * q ** (self.delay + 1) * polyval(q, self.response)
+        """(1 - A) H q E, from the drive that is sent to the numerator of the speed."""
+        return (1.0 - self.pole) * q ** (self.delay + 1) * polyval(q, self.response) * self.followed(q)
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +84,7 @@ class FirstMove:
     def of(cls, law: Programme, depth: int, order: int) -> "FirstMove":
         """Asked of the law itself, with bounds that never hold."""
         size = 3 + depth + order
-        still, bounds = np.zeros(law.count), Bounds(-FREE, FREE, FREE, FREE)
+        still, bounds = np.zeros(law.count), Bounds(-FREE, FREE, FREE, FREE, FREE)
 
         def move(at: int) -> float:
             one = np.zeros(size)
@@ -111,9 +118,10 @@ class Law:
         drive = Drive(model, frame_s, pace, yielding)
         pole, depth, order = drive.pole, drive.delay + len(drive.response), settings.shaping_order
         shaper = CommandShaper(settings.shaping_hz, order, frame_s)
-        law = Programme(pole, drive.response, drive.delay, shaper, frame_s, settings.predictive, min(pace, 1.0))
+        predictive, paced = settings.predictive, min(pace, 1.0)
+        law = Programme(pole, drive.response, drive.delay, shaper, frame_s, predictive, paced, drive.servo_s)
         move, share = FirstMove.of(law, depth, order), shaper.share
-        seen = DisturbanceObserver(frame_s, settings.observer).filter(drive.usual_pole, min(pace, 1.0))
+        seen = DisturbanceObserver(frame_s, settings.observer).filter(drive.usual_pole, paced)
         moves = seen.moves.copy()
         moves[0, :2] = pole, 1.0 - pole
         gain = seen.gain + hill * (seen.hill_gain - seen.gain)  # K
@@ -124,7 +132,7 @@ class Law:
         observer = np.linalg.det(late)  # D
         asked = observer[:, None] * np.linalg.solve(late.transpose(0, 2, 1), estimated[:, None])[:, :, 0]  # D k Z^-1
         lag, through = 1.0 - (1.0 - share) * q, share**order  # G and s
-        kept = lag**order * (1.0 - move.wanted * q) - through * q * polyval(q, move.drives)  # B
+        kept = lag**order * (1.0 - move.wanted * q) - through * q * polyval(q, move.drives) * drive.followed(q)  # B
         for i, state in enumerate(move.shaper, 1):
             kept -= q * state * share**i * lag ** (order - i)
         self.gain = drive.gain

@@ -51,11 +51,11 @@ class PowerGuard:
         self.settings = settings
         self.frame_s = frame_s
         self.share = 1.0 - math.exp(-frame_s / settings.lag_s)
+        self.load_pct = self.unloaded_rpm = math.nan
         self.restart()
 
     def restart(self) -> None:
-        """Nothing is known, and nothing gives way: what the last drive met is over."""
-        self.load_pct = self.unloaded_rpm = math.nan
+        """Nothing gives way: what the last drive met is over. What the engine is known to do stays."""
         self.spent = self.lugging = False
         self.carried = 1.0  # of the setpoint
         self.cap_mps = math.inf
@@ -71,22 +71,23 @@ class PowerGuard:
             return None
         return max(math.log(self.unloaded_rpm / engine_rpm), 0.0)
 
-    def step(
-        self, load_pct: float, engine_rpm: float, pressure_bar: float, speed_mps: float, setpoint_mps: float
-    ) -> float:
-        """The setpoint that engine and drive can bear, one frame later."""
+    def watch(self, load_pct: float, engine_rpm: float) -> None:
+        """The engine one frame later, whoever drives: an overload may be older than the drive that has to bear it."""
         settings = self.settings
-        self.spent = pressure_bar > settings.pressure_max_bar * (settings.pressure_back if self.spent else 1.0)
         if math.isfinite(load_pct):
             shown_pct = max(load_pct, settings.low_pct - NEAR_PCT)
             before = self.load_pct if math.isfinite(self.load_pct) else shown_pct
             self.load_pct = before + self.share * (shown_pct - before)
         else:
             self.load_pct = math.nan
-        if load_pct < settings.low_pct:
-            rate_rpmps = settings.throttled_rpmps if load_pct < settings.light_pct else settings.loaded_rpmps
-            least_rpm = self.unloaded_rpm - rate_rpmps * self.frame_s
-            self.unloaded_rpm = max(engine_rpm, least_rpm) if math.isfinite(least_rpm) else engine_rpm
+        rate_rpmps = settings.throttled_rpmps if load_pct < settings.light_pct else settings.loaded_rpmps
+        least_rpm = self.unloaded_rpm - (rate_rpmps * self.frame_s if load_pct < settings.low_pct else 0.0)
+        self.unloaded_rpm = max(least_rpm, engine_rpm) if math.isfinite(least_rpm) else engine_rpm
+
+    def step(self, engine_rpm: float, pressure_bar: float, speed_mps: float, setpoint_mps: float) -> float:
+        """The setpoint that engine and drive can bear, for the engine as it was watched last."""
+        settings = self.settings
+        self.spent = pressure_bar > settings.pressure_max_bar * (settings.pressure_back if self.spent else 1.0)
         if self.load_pct > settings.high_pct and engine_rpm < settings.sag_share * self.unloaded_rpm:
             self.cap_mps = max(min(self.cap_mps, speed_mps) - settings.down_mps2 * self.frame_s, 0.0)
         elif not self.load_pct >= settings.low_pct:

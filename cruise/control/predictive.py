@@ -1,17 +1,19 @@
 """The predictive law: the wanted drive over the horizon as one small quadratic programme, solved anew at every frame.
 
-    minimise   sum_i (y_i - r_i)^2 + rho sqrt(alpha) sum_b (w_b - w_(b-1))^2 + sigma sum e^2
-    with       y_i = A y_(i-1) + (1 - A) (sum_j h_j s_(i-d-j) + l_i),   s = F_x x + F_w E w
+    minimise   sum_i (y_i - r_i)^2 + rho sqrt(alpha) sum_b (w_b - w_(b-1))^2 + sigma sum xi^2
+    with       y_i = A y_(i-1) + (1 - A) (sum_j h_j z_(i-d-j) + l_i),   z_i = e z_(i-1) + (1 - e) s_i
+               s = F_x x + F_w E w
     subject to w_min <= w_b <= w_max,   |y_i - y_(i-1)| <= A_max T,   |y_i - 2 y_(i-1) + y_(i-2)| <= J_max T^2,
-               |s_i - s_(i-1)| <= R T
+               -R_- T <= s_i - s_(i-1) <= R_+ T
 
 Everything is in m/s of steady speed: w wanted drive, constant over the blocks that E spreads, x states of the shaper,
-s the drive that is sent (so the 1 Hz limit is a part of what is optimised), h and d response and delay of the drive,
-l loads and disturbance with the trend that they have, A pole of the vehicle and alpha the pace by which a gear slows it
-(the same drive is sqrt(alpha) as much current in it), T frame, e by how much acceleration, jerk or rate exceed their
-bound, as a share of it (soft: a disturbance may already have broken them, and one frame can't mend it). In these units
-the matrices depend on pole and pace alone: they are made once for each, and a frame moves vectors only. Solver: DAQP
-(Arnstrom et al., IEEE TAC 67 (2022)), kept with its memory and started from the last active set.
+s the drive that is sent (so the 1 Hz limit is a part of what is optimised), z what a servo of its own (`rate_limit`)
+makes of it by its lag, e = exp(-T / tau), R_+ and R_- the rates that it follows, h and d response and delay of the
+drive, l loads and disturbance with the trend that they have, A pole of the vehicle and alpha the pace by which a gear
+slows it (the same drive is sqrt(alpha) as much current in it), T frame, xi by how much acceleration, jerk or rate
+exceed their bound, as a share of it (soft: a disturbance may already have broken them, and one frame can't mend it). In
+these units the matrices depend on pole and pace alone: they are made once for each, and a frame moves vectors only.
+Solver: DAQP (Arnstrom et al., IEEE TAC 67 (2022)), kept with its memory and started from the last active set.
 """
 
 import math
@@ -23,6 +25,7 @@ import msgspec
 import numpy as np
 
 from cruise.control.shaping import CommandShaper
+from cruise.effects import low_pass
 from cruise.settings import Positive
 
 _FREE, _SOFT = 0, 8  # DAQP's "sense" of a constraint
@@ -36,7 +39,7 @@ class PredictiveSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unkno
 
     horizon_s: Positive = 3.0  # s, Coen et al. 2005, section II.B
     # rho, without unit, per frame of 0.05 s; less lets sensor noise into the command
-    move_weight: Annotated[float, msgspec.Meta(ge=0)] = 3.0
+    move_weight: Annotated[float, msgspec.Meta(ge=0.1)] = 3.0
     accel_max_mps2: Positive = 1.0  # m/s2, predicted
     jerk_max_mps3: Positive = 2.0  # m/s3, predicted
     engaging_share: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.5  # of both bounds, while it takes over
@@ -74,7 +77,8 @@ class Bounds:
 
     low_mps: float
     high_mps: float
-    rate_mps2: float  # of the drive that is sent
+    rise_mps2: float  # of the drive that is sent
+    fall_mps2: float
     share: float = 1.0  # of the bounds on acceleration and jerk; less while engaging
     accel_share: float = 1.0  # of that on acceleration, beside it; less where the drive may be quicker than its model
 
@@ -91,8 +95,9 @@ class Programme:
         frame_s: float,
         settings: PredictiveSettings,
         pace: float = 1.0,
+        servo_s: float = 0.0,
     ) -> None:
-        """`response` (nb,) are the h_j, which sum to 1; `delay` in frames, `pace` alpha."""
+        """`response` (nb,) are the h_j, which sum to 1; `delay` in frames, `pace` alpha, `servo_s` tau."""
         depth = delay + len(response)
         count = max(round(settings.horizon_s / frame_s), depth + 4)
         self.count, self.frame_s = count, frame_s
@@ -102,9 +107,12 @@ class Programme:
         vehicle = np.where(lag >= 0, (1.0 - pole) * pole ** np.maximum(lag, 0), 0.0)  # from l and s to y
         taps = np.concatenate([np.zeros(delay), response])  # what of s_k is felt j frames later
         felt = np.where((lag >= 0) & (lag < depth), taps[np.clip(lag, 0, depth - 1)], 0.0)
-        drive = vehicle @ felt
+        kept = 1.0 - low_pass.share(servo_s, frame_s)
+        servo = np.where(lag >= 0, (1.0 - kept) * kept ** np.maximum(lag, 0), 0.0)  # from s to z
+        drive = vehicle @ felt @ servo
         reach = np.add.outer(np.arange(1, count + 1), np.arange(depth))  # age of past drives at every step
         past = vehicle @ np.where(reach < depth, taps[np.minimum(reach, depth - 1)], 0.0)
+        past[:, 0] += vehicle @ felt @ kept**steps
         from_states, from_wanted = shaper.response(1, count)
         lasts_s = settings.believed_s
         trend = vehicle @ (lasts_s * -np.expm1(-steps * frame_s / lasts_s))
@@ -121,7 +129,7 @@ class Programme:
         self._hessian = np.ascontiguousarray(self._forced.T @ self._forced + weight * moves.T @ moves)
         self._weight, self._blocks, self._excess_weight = weight, blocks, settings.excess_weight
         every = max(round(ROWS_S / frame_s), 1)
-        felt_at = delay + int(np.argmax(np.cumsum(response) >= FELT))
+        felt_at = int(np.argmax(np.cumsum((felt @ servo)[:, 0]) >= FELT))
         rows = np.arange(max(felt_at, 2), count, every)  # before, nothing can be done
         first = np.eye(count) - np.eye(count, k=-1)
         second = first @ first
@@ -147,12 +155,13 @@ class Programme:
             [
                 np.full(accels, bounds.share * bounds.accel_share),
                 np.full(jerks, bounds.share),
-                np.full(rates, bounds.rate_mps2),
+                np.full(rates, bounds.rise_mps2),
             ]
         )
+        back = np.concatenate([reach[: accels + jerks], np.full(rates, bounds.fall_mps2)])
         middle = np.concatenate([self._motion_known @ known, self._rate_states @ now.shaper_mps])
         upper = np.concatenate([np.full(self._blocks, bounds.high_mps), reach - middle])
-        lower = np.concatenate([np.full(self._blocks, bounds.low_mps), -reach - middle])
+        lower = np.concatenate([np.full(self._blocks, bounds.low_mps), -back - middle])
         wanted = self._solved(gradient, upper, lower)
         if wanted is None:
             return Plan(now.wanted_mps, free, False)

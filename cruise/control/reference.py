@@ -65,6 +65,7 @@ class Reference:
         step = self.settings.jerk_mps3 * dt
         accel += min(max(wanted - accel, -step), step)
         after = speed + accel * dt
-        if abs(error) <= step * dt or (setpoint - after) * error < 0.0:
+        there = abs(error) <= step * dt or (setpoint - after) * error < 0.0
+        if there and abs(accel) <= step:  # else it passes a setpoint that came too close, and turns back
             return setpoint, 0.0
         return after, accel

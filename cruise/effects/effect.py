@@ -149,6 +149,10 @@ class Effect(ABC):
             return np.array(results), tuple(np.array(column) for column in zip(*states, strict=True))
         return np.array(results), np.array(states)
 
+    def settled(self, value: Value, past_speed: Value, signals: Signals, state: State, dt_s: float) -> Value:
+        """The effect's output for a value that stays: what it gives at once, for most."""
+        return self.step(value, past_speed, signals, state, dt_s)[0]
+
     def pace(self, signals: Signals, state: State) -> Value:
         """The factor alpha by which the effect slows the poles down (equation 12 of the paper), 1 for most.
 

@@ -71,6 +71,10 @@ class RateLimit(Effect):
         result = where(state == state, moved, value)
         return result, result
 
+    def settled(self, value: Value, past_speed: Value, signals: Signals, state: State, dt_s: float) -> Value:
+        """The current itself, wherever the servo still is."""
+        return value
+
     def over(
         self, values: Value, past_speeds: np.ndarray, signals: Mapping[str, np.ndarray], dt_s: float
     ) -> tuple[Value, State]:

@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from cruise.control.controller import NEUTRAL, Controller, ControlSettings
+from cruise.effects.rate_limit import RateLimit
 from cruise.model.model import Model
+from cruise.signals import Sample
 from tests.control.machine import EFFECTS, FRAME_S, MODEL, PERIOD_S, Loop, Machine
 
 
@@ -113,6 +115,47 @@ def test_adopting_another_model_makes_no_jump():
     loop.engaged(1.2, 15.0)
     assert abs(loop.currents[-300:] - settled_ma).max() < 0.1  # 0.9 if the observer isn't told
     assert abs(np.array(loop.speeds[-300:]) - 1.2).max() < 5e-4
+
+
+@pytest.mark.parametrize("delay", [1, 2, 4])
+def test_adopting_on_the_way_leaves_what_was_asked_for_as_it_was(delay):
+    """The watch compares the speed with what was asked for a dead time ago: another model did not ask for anything."""
+    loop = Loop(Machine()).by_hand(700.0, 20.0).engaged(1.2, 20.0).engaged(0.6, 1.5)
+    asked = list(loop.controller.past_references)
+    loop.controller.adopt(replace(MODEL, delay=delay))
+    now = list(loop.controller.past_references)
+    kept = min(len(asked), len(now))
+    assert now[-kept:] == asked[-kept:]
+    assert set(now[:-kept]) <= {asked[0]}
+
+
+SERVOS = {
+    "fast": RateLimit(),
+    "a rate": RateLimit(270.0),
+    "a lag": RateLimit(lag_s=0.3),
+    "both": RateLimit(270.0, 0.3),
+    "quick back": RateLimit(150.0, 0.1, 3.0),
+}
+
+
+@pytest.mark.parametrize("name", SERVOS)
+def test_a_slow_servo_that_the_model_knows_is_no_reason_to_drive_slowly(name):
+    """The current that flows is not what acts: neither the reach of the drive nor its steps end at one frame of it."""
+    servo, model = SERVOS[name], replace(MODEL, effects=(SERVOS[name], *EFFECTS))
+    loop = Loop(Machine(), model)
+    step, acts_ma = loop.machine.step, [math.nan]
+
+    def followed(current_ma: float) -> Sample:
+        acts_ma[0], _ = servo.step(current_ma, 0.0, {}, acts_ma[0], FRAME_S)
+        return replace(step(acts_ma[0]), current_ma=current_ma)
+
+    loop.machine.step = followed
+    loop.by_hand(700.0, 20.0).engaged(1.0, 5.0)
+    up, down = (np.array(loop.engaged(wish, 12.0).speeds[-240:]) for wish in (1.8, 0.8))
+    assert np.argmax(up > 1.7) * FRAME_S < 3.0
+    assert np.argmax(down < 0.9) * FRAME_S < 3.0
+    assert max(up.max() - 1.8, 0.8 - down.min()) < 0.02
+    assert (up[-1], down[-1]) == pytest.approx((1.8, 0.8), abs=0.005)
 
 
 def test_adopting_before_anything_is_known_is_fine():

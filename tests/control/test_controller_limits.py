@@ -6,12 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cruise.control.controller import ControlSettings
+from cruise.control.controller import Controller, ControlSettings, LimitStatus
 from cruise.control.limits import LimitSettings
 from cruise.control.observer import ObserverSettings
 from cruise.control.predictive import PredictiveSettings
+from cruise.effects.hysteresis import Hysteresis
+from cruise.effects.saturation import Saturation
 from cruise.signals import Sample
-from tests.control.machine import FRAME_S, RATIO, Loop, Machine
+from tests.control.machine import EFFECTS, FRAME_S, MODEL, RATIO, Loop, Machine
 
 
 @pytest.mark.parametrize("gear", [1, 2])
@@ -25,6 +27,31 @@ def test_what_is_on_its_way_comes_in_its_order(gear):
         loop.by_hand(790.0, FRAME_S)
         speeds.append(loop.machine.speed_mps)
     assert known_mps2 == pytest.approx(np.diff(speeds).max() / FRAME_S, rel=0.3)
+
+
+def test_what_is_on_its_way_comes_frame_by_frame():
+    """Three frames at another current: the model itself as the machine then moves by what was said, in each of them."""
+    controller = Controller(MODEL, ControlSettings())
+    fast, signals = controller.model, {"engine_speed_rpm": 2100.0, "gear": 2.0}
+    state, speeds = fast.start(0.9, 700.0, signals), [0.9]
+
+    def frames(count: int, current_ma: float, watched: bool = True) -> None:
+        nonlocal state
+        for _ in range(count):
+            state = fast.apply(state, current_ma, signals)
+            speeds.append(fast.next_speed(state))
+            state = fast.observe(state, speeds[-1])
+            if watched:
+                controller.step(Sample(FRAME_S * len(speeds), current_ma, speeds[-1], signals), None)
+
+    frames(600, 700.0)
+    frames(5, 800.0)
+    said = controller.coming_mps
+    assert len(said) == fast.delay
+    frames(fast.delay, 800.0, watched=False)
+    moved = np.diff(speeds)[-fast.delay :]
+    assert max(moved) > 0.01
+    np.testing.assert_allclose(said, moved, atol=1e-4)
 
 
 @pytest.mark.parametrize("gear", RATIO)
@@ -106,3 +133,30 @@ def test_the_command_has_little_above_1_hz_with_a_noisy_sensor_too():
     power = 2.0 * np.abs(spectrum / len(loop.currents)) ** 2 * 8.0 / 3.0  # of a Hann window
     frequency_hz = np.fft.rfftfreq(len(loop.currents), FRAME_S)
     assert math.sqrt(power[frequency_hz > 1.0].sum()) < 6.0
+
+
+@pytest.mark.parametrize("effects", [(Saturation(900.0),), (Hysteresis(40.0),), ()], ids=["stop", "band", "range"])
+def test_it_says_that_the_machine_can_go_no_faster_or_slower(effects):
+    """A stop below the greatest current, a band that ends before it: the current never gets to its own end."""
+    loop = Loop(Machine(), replace(MODEL, effects=(*effects, *EFFECTS))).by_hand(700.0, 20.0).engaged(1.2, 10.0)
+    assert loop.commands[-1].limit_status is LimitStatus.NOT_LIMITED
+    loop.engaged(4.5, 15.0)
+    assert loop.commands[-1].limit_status is LimitStatus.LIMITED_HIGH
+    loop.engaged(1.2, 15.0)
+    assert loop.commands[-1].limit_status is LimitStatus.NOT_LIMITED
+    loop.machine.load_mps = 0.8
+    loop.engaged(0.5, 15.0)
+    assert loop.commands[-1].limit_status is LimitStatus.LIMITED_LOW
+
+
+@pytest.mark.parametrize("band_ma", [0.0, 40.0])
+def test_a_machine_that_is_too_fast_without_any_drive_is_asked_for_none(band_ma):
+    """Downhill: each current of the dead zone would do by the model; the lowest does in every machine."""
+    effects = (Hysteresis(band_ma), *EFFECTS) if band_ma else EFFECTS
+    loop = Loop(Machine(band_ma=band_ma), replace(MODEL, effects=effects)).by_hand(700.0, 20.0).engaged(1.0, 5.0)
+    loop.machine.load_mps = 0.8
+    loop.engaged(0.5, 20.0)
+    assert loop.currents[-100:].max() < 1e-6
+    loop.machine.load_mps = 0.03
+    loop.engaged(0.5, 20.0)
+    assert loop.speeds[-1] == pytest.approx(0.5, abs=0.01)

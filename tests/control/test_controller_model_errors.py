@@ -93,3 +93,15 @@ def test_what_is_believed_of_the_width_outlives_an_adoption_and_a_signal_that_wa
     assert loop.controller.width.share == pytest.approx(found, abs=0.01)
     loop.engaged(1.5, 20.0)
     assert np.ptp(loop.speeds[-200:]) < 0.03
+
+
+@pytest.mark.parametrize("threshold_ma", [360.0, 400.0, 440.0])
+def test_where_the_dead_zone_ends_may_be_wrong(threshold_ma):
+    """Downhill, at 34 mA beyond the machine's own threshold: with a sharp one in the model the speed would swing."""
+    loop = Loop(Machine(), believed(0.0, threshold_ma)).by_hand(600.0, 20.0).engaged(0.6, 5.0)
+    for load_mps in np.linspace(0.03, 0.25, 60):
+        loop.machine.load_mps = float(load_mps)
+        loop.engaged(0.35, FRAME_S)
+    loop.engaged(0.35, 40.0)
+    assert np.ptp(loop.speeds[-400:]) < 0.01
+    assert loop.speeds[-1] == pytest.approx(0.35, abs=0.005)

@@ -6,7 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cruise.control.controller import Controller, ControlSettings
+from cruise.effects.effect import Effect
 from cruise.effects.grade import Grade
+from cruise.effects.power_limit import PowerLimit
 from cruise.model.model import Model
 from cruise.signals import Sample
 from tests.control.machine import EFFECTS, FRAME_S, MODEL, PERIOD_S, Loop, Machine
@@ -47,6 +50,29 @@ def test_the_acceleration_in_a_pitch_sensor_is_not_fed_back(share):
 
     knows = Model(PERIOD_S, 1, 3, 2, (*EFFECTS, Grade(0.0, share, 0.4)), (0.4, 2e-4, 8e-4, 8e-4, 0.06, 0.02))
     assert np.abs(driven(knows, share) - driven(MODEL, 0.0)).max() < 6.0
+
+
+def test_a_power_limit_that_looks_at_the_pitch_sees_the_slope_once():
+    """Its own share of the acceleration is of the pitch as shown; where `grade` has it taken out, none is left."""
+
+    def gains(*beside: Effect) -> np.ndarray:
+        limit = PowerLimit(power_kw=20.0, rolling_resistance=0.06, acceleration_share=1.0, filter_s=0.4)
+        theta = (*MODEL.theta[:4], *(0.02 for _ in beside), MODEL.theta[4])
+        model = replace(MODEL, effects=(*EFFECTS, limit, *beside), theta=theta)
+        controller, speed_mps, found = Controller(model, ControlSettings()), 1.0, []
+        for k in range(300):
+            accel_mps2 = 0.3 if 200 <= k < 260 else 0.0
+            speed_mps += accel_mps2 * FRAME_S
+            pitch_deg = math.degrees(math.asin(math.sin(math.radians(3.0)) + accel_mps2 / 9.81))
+            signals = {"engine_speed_rpm": 2100.0, "gear": 2.0, "pitch_deg": pitch_deg}
+            controller.step(Sample(FRAME_S * k, 700.0, speed_mps, signals), None)
+            assert controller.state is not None
+            found.append(controller.state.gain)
+        return np.array(found)
+
+    alone, beside = gains(), gains(Grade(0.0, 1.0, 0.4))
+    assert alone[259] < 0.8
+    assert np.abs(beside - alone)[199:].max() < 0.1
 
 
 def test_an_engine_that_gives_way_to_the_drive_itself_is_no_trend():

@@ -7,6 +7,7 @@ from cruise.control.inversion import Inversion, InversionSettings
 from cruise.effects.dead_zone import DeadZone
 from cruise.effects.hysteresis import Hysteresis
 from cruise.effects.quadratic_gain import QuadraticGain
+from cruise.effects.saturation import Saturation
 from cruise.model.model import Model
 
 EFFECTS = (Hysteresis(40.0), DeadZone(400.0), QuadraticGain(0.5))
@@ -66,6 +67,17 @@ def test_repeating_it_ends_near_the_wish_without_going_to_and_fro(true_width):
     assert (np.diff(sent) <= 1e-9).all()
     wish = PLAIN.current_for(250.0, settled(PLAIN, [700.0]), {}).low
     assert abs(acts - wish) < 0.5 * max(true_width, 40.0)
+
+
+@pytest.mark.parametrize(
+    ("end", "drive", "stands_ma"), [(Saturation(900.0), 900.0, 905.0), (DeadZone(400.0), 0.0, 380.0)]
+)
+def test_where_many_currents_would_do_it_takes_the_one_that_acts(end, drive, stands_ma):
+    """At a stop and in a dead zone: their middle is far from any current that was asked for."""
+    model = Model(0.05, 1, 1, 0, (Hysteresis(40.0), end), (0.4, 1e-3, 0.0))
+    state = settled(model, [stands_ma - 60.0, stands_ma + 20.0])
+    assert state.effects[0] == stands_ma
+    assert abs(inverse(model, drive, state).nearest(0.0) - stands_ma) <= 20.0
 
 
 def held(settings, wish_ma, seconds=20.0):

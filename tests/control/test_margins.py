@@ -13,6 +13,7 @@ from cruise.control.observer import DisturbanceObserver
 from cruise.control.predictive import Programme
 from cruise.control.shaping import CommandShaper
 from cruise.effects.gear_ratio import GearRatio
+from cruise.effects.rate_limit import RateLimit
 from cruise.model.model import Model
 from cruise.signals import Sample
 
@@ -127,14 +128,15 @@ def test_another_delay_and_pole_in_the_machine_count(pace):
     assert found.phase_deg == pytest.approx(phase_deg, abs=0.5)
 
 
-@pytest.mark.parametrize("gear", [2.0, 4.0])
+@pytest.mark.parametrize(("gear", "servo_s"), [(2.0, 0.0), (4.0, 0.0), (2.0, 0.4)])
 @pytest.mark.parametrize("hz", [0.1, 0.5, 2.0])
-def test_the_response_is_that_of_the_controller_that_drives(hz, gear):
+def test_the_response_is_that_of_the_controller_that_drives(hz, gear, servo_s):
     """A ripple of the speed, small enough that nothing is limited and the observer stays calm; the current flows."""
     signals = {"gear": gear}
     ratio = GEARS.ratio(gear)
-    law = Law(MODEL, SETTINGS, GEARS.pace(signals, ()), hz=np.array([hz]))
-    controller = Controller(MODEL, SETTINGS)
+    model = replace(MODEL, effects=(RateLimit(lag_s=servo_s), GEARS))
+    law = Law(model, SETTINGS, GEARS.pace(signals, ()), hz=np.array([hz]))
+    controller = Controller(model, SETTINGS)
     frames = round(max(30.0, 6.0 / hz) / FRAME_S)
     rippled = 0.002 * np.sin(2.0 * math.pi * hz * FRAME_S * np.arange(frames))
     still_mps, sent = 1.2 * ratio, [1.2 / MODEL.dc_gain_mps_per_ma]

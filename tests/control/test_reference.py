@@ -66,3 +66,18 @@ def test_a_new_drive_begins_anew_whatever_the_last_one_was_about_to_do():
         one.reset(0.5)
     assert [used.step(2.0, 0.05) for _ in range(40)] == [fresh.step(2.0, 0.05) for _ in range(40)]
     assert used.preview(2.0, 0.05, 60) == fresh.preview(2.0, 0.05, 60)
+
+
+@pytest.mark.parametrize("ahead_mps", [0.02, 0.1, -0.3])
+def test_a_setpoint_that_moves_into_its_way_is_passed_and_not_jumped_to(ahead_mps):
+    """An open relief valve makes the present speed the setpoint: at half a metre per second squared no one stops."""
+    reference = Reference(SETTINGS)
+    reference.reset(1.0)
+    for _ in range(30):
+        reference.step(2.0, 0.05)
+    target, rates = reference.speed_mps + ahead_mps, [reference.accel_mps2]
+    for _ in range(170):
+        reference.step(target, 0.05)
+        rates.append(reference.accel_mps2)
+    assert np.abs(np.diff(rates)).max() < 2.0 * SETTINGS.jerk_mps3 * 0.05  # of the frame in which it arrives
+    assert reference.speed_mps == target

@@ -88,7 +88,7 @@ class Workbench:
                 await ui.run_javascript("matchMedia('(prefers-color-scheme: dark)').matches", timeout=5)
             )
         dark = ui.dark_mode(value=session.dark)
-        with ui.element("div").style("display:flex; width:100%; align-items:flex-start"):
+        with ui.element("div").classes("frame"):
             rail = ui.element("nav").classes("rail").props('aria-label="steps"')
             with ui.element("main").classes("main"):
                 faults = ui.column().classes("w-full gap-0")

@@ -143,6 +143,7 @@ p { margin: 0; }
 .num { font-variant-numeric: tabular-nums; } .good { color: var(--good); } .bad { color: var(--error); }
 .mono { font-family: ui-monospace, "DejaVu Sans Mono", Menlo, Consolas, monospace; font-size: 12.5px; }
 .measure { max-width: 74ch; }
+.frame { display: flex; width: 100%; align-items: flex-start; }
 .rail { width: 212px; flex: none; height: 100vh; position: sticky; top: 0; border-right: 1px solid var(--line);
   background: var(--surface); padding: 20px 12px 16px; display: flex; flex-direction: column; gap: 2px; }
 .brand { font-size: 15px; font-weight: 500; padding: 0 10px 16px; }
@@ -164,8 +165,10 @@ p { margin: 0; }
 .grid3 { display: grid; grid-template-columns: repeat(3, 1fr); gap: 16px; width: 100%; align-items: stretch; }
 .wide-left { grid-template-columns: minmax(0, 1.35fr) minmax(0, 1fr); }
 .grid2 > *, .grid3 > * { min-width: 0; }
+.tried { display: grid; grid-template-columns: minmax(110px, 170px) 90px minmax(80px, 1fr) 100px 18px; gap: 4px 16px;
+  align-items: center; }
 @media (max-width: 1150px) { .rail { width: 176px; } .main { padding: 20px 20px 96px; }
-  .wide-left, .grid3 { grid-template-columns: 1fr; } .evidence { grid-template-columns: 1fr 1fr; } }
+  .wide-left, .grid3 { grid-template-columns: 1fr; } }
 table.figures { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums; }
 table.figures th { font-weight: 400; color: var(--muted); font-size: 12.5px; text-align: right; padding: 4px 12px
   6px; }
@@ -184,7 +187,7 @@ table.figures td:last-child, table.figures th:last-child { padding-right: 0; }
   max-width: 80ch; }
 .verdict.calm { border-color: var(--good); } .verdict.open { border-color: var(--other); }
 .formula { background: color-mix(in srgb, var(--ink) 4%, transparent); border-radius: 6px; padding: 9px 12px;
-  overflow-x: auto; white-space: pre-wrap; }
+  white-space: pre-wrap; overflow-wrap: anywhere; }
 .figure { font-size: 24px; font-weight: 400; line-height: 1.2; font-variant-numeric: tabular-nums; white-space:
   nowrap; }
 .figure small { font-size: 13px; color: var(--muted); margin-left: 4px; }
@@ -192,7 +195,8 @@ table.figures td:last-child, table.figures th:last-child { padding-right: 0; }
   var(--surface);
   border: 1px solid var(--line); border-radius: 10px; box-shadow: 0 6px 28px rgba(0,0,0,.16);
   padding: 10px 14px 10px 18px;
-  display: flex; gap: 14px; align-items: center; min-width: 420px; max-width: 680px; }
+  display: flex; gap: 14px; align-items: center; width: max-content; min-width: min(420px, 100vw - 24px);
+  max-width: min(680px, 100vw - 24px); }
 .busy { width: 10px; height: 10px; border-radius: 50%; flex: none; background: var(--accent);
   animation: busy 1.2s steps(1) infinite; }
 @keyframes busy { 50% { opacity: .25; } }
@@ -209,6 +213,7 @@ table.figures td:last-child, table.figures th:last-child { padding-right: 0; }
 .q-btn .q-focus-helper { display: none; }
 .q-btn.bg-primary { background: var(--accent) !important; } body.body--dark .q-btn.bg-primary { color: #0b1116
   !important; }
+.q-field { max-width: 100%; }
 .q-field--outlined .q-field__control { border-radius: 6px; } .q-field__native, .q-field__input { font-size: 14px; }
 .q-tooltip { font-size: 12.5px; line-height: 1.45; max-width: 340px; background: #22272c; padding: 8px 11px; }
 .q-uploader { width: 100%; box-shadow: none; border: 1.5px dashed var(--line); border-radius: 8px; background:
@@ -218,4 +223,17 @@ table.figures td:last-child, table.figures th:last-child { padding-right: 0; }
 .q-uploader__list { min-height: 96px; padding: 8px; }
 .js-plotly-plot .plotly .cursor-crosshair { cursor: crosshair; }
 a { color: var(--accent); }
+@media (max-width: 900px) {
+  .evidence { grid-template-columns: minmax(0, 1fr); } table.figures { display: block; overflow-x: auto; }
+}
+@media (max-width: 700px) {
+  .frame { flex-direction: column; align-items: stretch; }
+  .rail { position: static; width: 100%; height: auto; flex-direction: row; align-items: center; overflow-x: auto;
+    padding: 6px 12px; border-right: 0; border-bottom: 1px solid var(--line); }
+  .rail > * { flex: none; } .brand, .step .sub { display: none; } .step { white-space: nowrap; }
+  .main { padding: 16px 12px 96px; } .card { padding: 14px; } .gap-12, .gap-10 { gap: 20px; }
+  .grid2, .grid3 { grid-template-columns: minmax(0, 1fr); }
+  .tried { grid-template-columns: minmax(0, 1fr) 90px 18px; } .tried .share { display: none; }
+  .tried .mark { grid-area: 1 / 3; }
+}
 """

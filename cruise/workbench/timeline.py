@@ -90,7 +90,7 @@ class Timeline:
 
     def _buttons(self) -> None:
         with ui.row().classes("items-center gap-1 w-full"):
-            with ui.element("div").classes("legend").style("margin-right:auto"):
+            with ui.element("div").classes("legend").style("flex:1; min-width:120px"):
                 for name, color, dash in dict.fromkeys((one.name, one.color, one.dash) for one in self.tracks[0].lines):
                     with ui.element("span"):
                         ui.element("span").classes("key").style(

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 LAID_OUT = Path(__file__).with_name("laid_out.js").read_text()
-WIDTHS = (1440, 1024)
+WIDTHS = (1440, 1024, 768, 390)
 
 
 @pytest.fixture(scope="package")
@@ -66,7 +66,7 @@ def visit(chromium, server) -> Iterator[Callable[[], object]]:
 
 
 def laid_out(page) -> None:
-    """Nothing overlaps or sticks out, and every axis has its unit, in both widths, by day and by night."""
+    """Nothing overlaps or sticks out, and every axis has its unit, on wide screens and on a telephone, by day and by night."""
     for _ in ("light", "dark"):
         for width in WIDTHS:
             page.set_viewport_size({"width": width, "height": 900})

@@ -137,7 +137,7 @@ def _verdict(page: Page, found: Diagnosed) -> None:
             if found.others:
                 with ui.expansion(f"{len(found.others)} more that explain less").props("dense").classes("w-full quiet"):
                     for name, error_mps, gain in found.others:
-                        with ui.row().classes("items-center w-full no-wrap gap-4 small").style("padding:2px 16px"):
+                        with ui.row().classes("items-center w-full gap-4 small").style("padding:2px 16px"):
                             ui.label(name).style("width:170px")
                             ui.label(f"{speed(error_mps)} m/s").classes("num").style("width:90px; text-align:right")
                             ui.label(f"explains {max(100 * gain, 0):.0f} %").classes("num")
@@ -155,13 +155,13 @@ def _verdict(page: Page, found: Diagnosed) -> None:
 
 
 def _row(page: Page, found: Diagnosed, one: Card, place: int) -> None:
-    with row_button().props("aria-expanded=false") as row, ui.row().classes("items-center w-full no-wrap gap-4"):
-        ui.label(one.effect).style("width:170px").classes("strong")
-        ui.label(f"{speed(one.error_after_mps)} m/s").classes("num").style("width:90px; text-align:right")
-        with ui.element("div").style("flex:1; min-width:80px"):
+    with row_button().props("aria-expanded=false") as row, ui.element("div").classes("tried"):
+        ui.label(one.effect).classes("strong").style("overflow-wrap:anywhere")
+        ui.label(f"{speed(one.error_after_mps)} m/s").classes("num").style("text-align:right")
+        with ui.element("div").classes("share"):
             bars(max(one.gain, 0.0), page.colors.muted, f"explains {100 * one.gain:.0f} % of the squared error")
-        ui.label(f"explains {max(100 * one.gain, 0):.0f} %").classes("num quiet small").style("width:100px")
-        mark = ui.icon("expand_more").classes("quiet")
+        ui.label(f"explains {max(100 * one.gain, 0):.0f} %").classes("num quiet small")
+        mark = ui.icon("expand_more").classes("quiet mark")
     inside = ui.column().classes("gap-3 w-full").style("padding:8px 10px 16px")
     inside.set_visibility(False)
 
@@ -185,13 +185,13 @@ def _in_step(one: Card) -> str:
 
 def _card(page: Page, found: Diagnosed, one: Card, place: int) -> None:
     colors = page.colors
-    with ui.row().classes("items-start w-full no-wrap gap-6"):
-        with ui.column().classes("gap-1").style("flex:1; min-width:0"):
+    with ui.row().classes("items-start w-full gap-6"):
+        with ui.column().classes("gap-1").style("flex:1; min-width:min(260px, 100%)"):
             ui.label(f"{place}. {one.effect}").style("font-size:18px; font-weight:500").props(
                 "role=heading aria-level=2"
             )
             ui.label(one.headline[:1].upper() + one.headline[1:]).classes("quiet")
-        with ui.row().classes("gap-8 no-wrap"):
+        with ui.row().classes("gap-8"):
             figure(
                 f"{speed(one.error_before_mps)} → {speed(one.error_after_mps)}",
                 "m/s",

@@ -3,6 +3,7 @@
 It lives in the server, so that a reload finds it again; it knows nothing of the page.
 """
 
+import re
 import shutil
 import tempfile
 from collections.abc import Callable
@@ -24,6 +25,11 @@ from cruise.workbench.setup import Setup
 
 MODEL: Final = "arx:na=1,nb=3,delay_s=0.5"  # the paper's order, and nothing that an effect could hide behind
 SEARCH: Final = "Looking for what is missing"
+HERE: Final = (
+    (re.compile(r"; choose with [^;]* in the file of --columns"), "; say below what the columns mean"),
+    (re.compile(r"take it out with cruise ladder --undo"), "take it out with Undo"),
+)
+"""What the command line advises, and what does it on the page."""
 
 
 @dataclass(eq=False)
@@ -226,7 +232,7 @@ class Session:
         self.job = None
         self.version += 1
         if job.fault:
-            self.fault = "" if job.cancelled else job.fault
+            self.fault = "" if job.cancelled else _said_here(job.fault)
             self.searching = False
             return
         self.fault = ""
@@ -273,6 +279,13 @@ def moves(found: Opened, name: str) -> bool:
     values = found.recordings[0].columns[name]
     values = values[np.isfinite(values)]
     return bool(values.max() - values.min() > 0.0) if len(values) else False
+
+
+def _said_here(fault: str) -> str:
+    """What a verb says, with the remedies that the page has."""
+    for advice, remedy in HERE:
+        fault = advice.sub(remedy, fault)
+    return fault
 
 
 def _example(setup: Setup, example: Example, show: Show) -> Opened:

@@ -21,14 +21,17 @@ from cruise.cli.places import CONFIG
 from cruise.columns import ColumnSettings
 from cruise.service.recordings import ReadingSettings, read_recording
 from cruise.service.recordings.names import names_in
-from cruise.signals import INPUT, OUTPUT
-from cruise.workbench.views.mapping import AS_IT_IS, AS_SET, TIME, _choice, guessed, known, reading_of
+from cruise.signals import CONTEXT, INPUT, OUTPUT
+from cruise.workbench.views.mapping import AS_IT_IS, AS_SET, TIME, USUAL, _choice, guessed, known, reading_of
 
 
 def test_columns_are_guessed_and_meant():
     names = ["time_s", "pump_curent_ma", "v", "engine_speed_rpm"]
     found = guessed(names, ["time_s", "pump_current_ma", "ground_speed_mps", "engine_speed_rpm"])
-    assert found == {"time_s": "time_s", "pump_curent_ma": "pump_current_ma", "engine_speed_rpm": "engine_speed_rpm"}
+    assert found == {
+        "time_s": "time_s", "pump_curent_ma": "pump_current_ma", "v": "ground_speed_mps",
+        "engine_speed_rpm": "engine_speed_rpm",
+    }  # fmt: skip
     meant = {
         "t": ("time_s", "ms"),
         "I": ("pump_current_ma", "A"),
@@ -41,6 +44,59 @@ def test_columns_are_guessed_and_meant():
     assert reading.columns["v"] == ColumnSettings(scale=1 / 3.6)
     assert reading.columns["n"] == ColumnSettings(signal="engine_speed_rpm")
     assert "x" not in reading.columns
+
+
+@pytest.mark.parametrize(
+    "meant",
+    [
+        {
+            "Time [s]": (TIME, "s"),
+            "I_pump [mA]": (INPUT, "mA"),
+            "v_vehicle [km/h]": (OUTPUT, "km/h"),
+            "Slope [%]": ("pitch_deg", "%"),
+            "EngSpeed [rpm]": ("engine_speed_rpm", "rpm"),
+            "T_oil [°C]": ("oil_temperature_c", "degC"),
+            "EngLoad [%]": ("engine_load_pct", "%"),
+        },
+        {
+            "t_ms": (TIME, "ms"),
+            "Current (A)": (INPUT, "A"),
+            "Speed_kmh": (OUTPUT, "km/h"),
+            "wheelSpeed": ("wheel_speed_mps", "m/s"),
+            "rpm": ("engine_speed_rpm", "rpm"),
+            "Gear": ("gear", "-"),
+            "Pitch angle [rad]": ("pitch_deg", "rad"),
+            "mass [t]": ("machine_mass_kg", "t"),
+            "Oil temp. [K]": ("oil_temperature_c", "K"),
+            "load [%]": ("engine_load_pct", "%"),
+            "pressure [psi]": ("line_pressure_bar", "psi"),
+        },
+        {"i": (INPUT, AS_SET), "v": (OUTPUT, "m/s"), "t": (TIME, "s")},
+    ],
+)
+def test_usual_names_are_guessed_with_their_units(meant):
+    names, meanings = [*meant, "header_height_mm"], [TIME, INPUT, OUTPUT, *CONTEXT]
+    assert known(ReadingSettings(), names, meanings) == meant
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "pump_current_command_ma",
+        "target speed [km/h]",
+        "fan_speed",
+        "ambient temperature [degC]",
+        "v [V]",
+        "T_s",
+        "[s]",
+    ],
+)
+def test_what_may_be_something_else_is_not_guessed(name):
+    assert known(ReadingSettings(), [name], [INPUT, OUTPUT, *CONTEXT]) == {}
+
+
+def test_every_word_is_of_a_signal_that_is_offered():
+    assert set(USUAL) == {TIME, INPUT, OUTPUT, *CONTEXT}
 
 
 def test_every_kind_of_file_says_how_its_columns_are_called(tmp_path):

@@ -1,5 +1,7 @@
 """The work of one tab without a browser: steps, parameters by hand, the report, the command lines that do it all."""
 
+import re
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -127,6 +129,26 @@ def test_what_was_set_by_hand_is_a_model_file_that_every_verb_reads(recording, b
     assert rungs_of((step,))[0].share is None or rungs_of((step,))[0].share == 0.0
     again = added([recording], Question(str(kept.path)), "sensor_bias", tmp_path / "again.yaml", quiet)
     assert [one.effect for one in history_of(again.path, again.file)] == ["", "sensor_bias"]
+
+
+def ended(one: Session) -> Session:
+    until = time.monotonic() + 60.0
+    while one.busy and time.monotonic() < until:
+        one.poll()
+        time.sleep(0.02)
+    return one
+
+
+def test_a_refusal_names_what_helps_on_the_page(session, tmp_path):
+    session.add("grade")
+    assert re.search("has grade already: .* take it out with Undo$", ended(session).fault)
+    path = tmp_path / "other.csv"
+    path.write_text("Time [s],I_pump [mA],v [km/h]\n0,1,2\n")
+    session.open(Source((path,), ReadingSettings(), "other"))
+    fault = ended(session).fault
+    assert session.asked is not None
+    assert "it has Time [s], I_pump [mA], v [km/h]; say below what the columns mean" in fault
+    assert "--" not in fault
 
 
 def test_only_what_a_service_was_watched_for_is_looked_for_unasked(session, tmp_path, monkeypatch):

@@ -29,9 +29,29 @@ UNITS: Final[dict[str, dict[str, tuple[float, float]]]] = {
 """Units of a file by the unit of the signal: scale and offset."""
 SPELT: Final = {
     "pct": "%", "percent": "%", "mps": "m/s", "kmh": "km/h", "kph": "km/h", "mmps": "mm/s", "rps": "1/s", "hz": "1/s",
-    "amps": "A", "radps": "rad/s", "c": "degC", "f": "degF",
+    "amps": "A", "radps": "rad/s", "c": "degC", "f": "degF", "°c": "degC", "°f": "degF", "°": "deg", "1/min": "rpm",
 } | {unit.lower(): unit for units in UNITS.values() for unit in units}  # fmt: skip
 """Units by how the last word of a column's name spells them."""
+USUAL: Final[dict[str, tuple[str, ...]]] = {
+    TIME: ("time", "time stamp", "timestamp", "t"),
+    INPUT: ("pump current", "pump i", "solenoid current", "valve current", "current", "i"),
+    OUTPUT: ("ground speed", "vehicle speed", "gps speed", "radar speed", "vehicle v", "gps v", "speed", "v"),
+    "wheel_speed_mps": ("wheel speed", "wheel v"),
+    "engine_speed_rpm": ("engine speed", "engine rpm", "engine n", "rpm", "n"),
+    "gear": ("actual gear", "gear"),
+    "pitch_deg": ("pitch angle", "slope angle", "pitch", "slope", "incline"),
+    "machine_mass_kg": ("machine mass", "vehicle mass", "mass", "weight"),
+    "oil_temperature_c": ("oil temperature", "oil t", "temperature"),
+    "engine_load_pct": ("engine load", "load"),
+    "line_pressure_bar": ("line pressure", "pressure"),
+}
+"""What columns are usually called: a word of its own is the whole name, several are among those of the name."""
+SHORT: Final = {
+    "eng": "engine", "motor": "engine", "temp": "temperature", "spd": "speed", "velocity": "speed", "veh": "vehicle",
+    "curr": "current", "press": "pressure",
+}  # fmt: skip
+WANTED: Final = frozenset({"command", "cmd", "setpoint", "set", "target", "desired", "requested", "reference", "ref"})
+"""Words of what somebody asks for, which is not what was measured."""
 BY_SIZE: Final = ("%", "share")  # of a table's current: its reader sees which, and says so
 AS_IT_IS: Final = "leave as it is"
 AS_SET: Final = "as set"  # scale and offset of the settings, which are those of no unit here
@@ -61,9 +81,10 @@ def show(page: Page, asked: Asked) -> None:
 
     with card("What do the columns mean?"):
         words = "one time, one pump current and one ground speed" if table else "one pump current and one ground speed"
-        ui.label(f"cruise needs {words}. The rest stays under its own name unless you say what it is.").classes(
-            "quiet measure"
-        )
+        ui.label(
+            f"cruise needs {words}. The rest stays under its own name unless you say what it is. What is filled in is "
+            "guessed from the names: look whether it is right."
+        ).classes("quiet measure")
         with ui.element("table").classes("figures").style("max-width:720px"):
             with ui.element("tr"):
                 for words in ("column" if table else "signal", "is", "in"):
@@ -106,14 +127,26 @@ def known(reading: ReadingSettings, names: list[str], meanings: list[str]) -> di
             found[name] = meaning, _unit_by(name, meaning, said)
     taken = {meaning for meaning, _ in found.values()}
     rest = guessed([name for name in names if name not in found], [one for one in meanings if one not in taken])
-    return found | {name: (meaning, _spelt(name, meaning) or _units(meaning)[0]) for name, meaning in rest.items()}
+    return found | {name: (meaning, _unit_by(name, meaning, None)) for name, meaning in rest.items()}
+
+
+def _apart(name: str) -> tuple[str, str]:
+    """A name without its unit, and the unit: what its last word spells, or what stands in square brackets; or empty."""
+    before, last = re.split(r"(?:[\s_.(\[]+|^)(?=[^\s_.(\[]*$)", name.rstrip(")] "), maxsplit=1)
+    unit = SPELT.get(last.lower(), last if name.rstrip().endswith("]") else "")
+    return (before, unit) if before and unit else (name, "")
 
 
 def _spelt(name: str, meaning: str) -> str:
-    """The unit in which the last word of a name says that a column is; empty where it says none that can be."""
-    *before, last = re.split(r"[\s_.(\[]+", name.lower().rstrip(")] "))
-    unit = SPELT.get(last, "") if before else ""
+    """The unit in which a name says that a column is; empty where it says none that can be."""
+    unit = _apart(name)[1]
     return unit if unit in _units(meaning) else ""
+
+
+def _words(name: str) -> set[str]:
+    """The words of a name without its unit, written out."""
+    bare = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", _apart(name)[0])
+    return {SHORT.get(one, one) for one in re.split(r"[\W_]+", bare.lower()) if one}
 
 
 def _unit_by(name: str, meaning: str, said: ColumnSettings | None) -> str:
@@ -161,16 +194,28 @@ def reading_of(usual: ReadingSettings, meant: dict[str, tuple[str, str]]) -> Rea
 
 
 def guessed(names: list[str], meanings: list[str]) -> dict[str, str]:
-    """What each column may be by its name alone; each meaning once."""
-    found: dict[str, str] = {}
+    """What each column may be by its name alone, its own or a usual one or one nearly spelt so; each meaning once."""
+    found = {name: name for name in names if name in meanings}
+    usual = [(set(said.split()), meaning) for meaning, all_said in USUAL.items() for said in all_said]
+    for said, meaning in sorted(usual, key=lambda one: -len(one[0])):
+        for name in names:
+            taken = name in found or meaning in found.values() or meaning not in meanings
+            if not taken and _called(name, said) and _apart(name)[1] in ("", *_units(meaning)):
+                found[name] = meaning
     for meaning in meanings:
-        free = [name for name in names if name not in found]
+        free = [name for name in names if name not in found and name not in SIGNALS]
         alike = difflib.get_close_matches(meaning, free, n=1, cutoff=0.75)
-        if meaning in free:
-            found[meaning] = meaning
-        elif alike:
+        if alike and meaning not in found.values():
             found[alike[0]] = meaning
     return found
+
+
+def _called(name: str, said: set[str]) -> bool:
+    """Whether a column has this usual name, and is no column of cruise's own and nothing that somebody asks for."""
+    words = _words(name)
+    if name in SIGNALS or words & WANTED:
+        return False
+    return said == words if len(said) == 1 else said <= words
 
 
 def _offered(signal: str | None) -> bool:

@@ -61,7 +61,7 @@ class PlausibilitySettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unk
     force_mps: Positive = 0.18
     force_share: Positive = 0.5  # of how much the drive itself does so; more in a fast gear, whose pace is not known
     behind_mps: Positive = 0.3  # m/s that the machine may be behind the reference
-    crowd: Positive = 1.6  # of the frames of a message in the second before engaging: more is a second sender
+    crowd: Positive = 1.6  # of the usual frames of a message in a second: more is a second sender
     faulty_share: Positive = 0.5  # of the last frames of a protected message
     repeated: Positive = 24.0  # frames of the drive in the order of an earlier stretch; two of noise alone are rare
     wavering: Positive = 2.5  # times in a second: an operator may change his mind twice
@@ -88,10 +88,10 @@ class Seen:
     coming_mps: tuple[float, ...]  # by frame, what currents on their way will still change of it by the model
     pace_std: float  # of the logarithm of how quickly the drive answers, which a gear leaves open
     alpha: float  # equation 12: 1 in the slow gears, less in those that a hill slows down more
-    crowding: float  # the busiest message's frames in the last second over those before engaging
+    crowding: float  # the busiest message's frames in the last second over those that were usual when engaging
     faulty_share: float  # of the last frames of the worst protected message
     repeated: int  # frames of the drive in a row that came before, in the same order
-    imposters: int  # frames of our own messages that we did not send
+    imposters: int  # frames of our own messages that we did not send, since the operator switched on
     wavering: int  # times in the last second that the setpoint went back to the one before
     upset: bool  # what is kept twice (state of the observer, model, current sent last) is no longer the same
     slowness: float  # mean time between two ticks over the period

@@ -157,8 +157,9 @@ class CruiseNode:
                 contradiction=contradiction,
             )
         )
-        if state.controls and not before.controls:
-            self.hearing.remember(now_s)
+        self.hearing.compare(now_s, state.controls)
+        if before is State.OFF and state is not State.OFF:
+            self.hearing.imposters = 0
         setpoint_mps = self.engagement.setpoint_mps if state.controls else None
         self.command = self.controller.step(frame, setpoint_mps, gently=state is State.ENGAGING)
         if state is State.COMMISSIONING:
@@ -270,7 +271,7 @@ class CruiseNode:
             pace_std=controller.observer.pace_std,
             alpha=self._alpha,
             crowding=self.hearing.crowding(frame.time_s),
-            faulty_share=self.hearing.faulty_share,
+            faulty_share=self.hearing.faulty_share(frame.time_s),
             repeated=self.hearing.playback.repeated,
             imposters=self.hearing.imposters,
             wavering=self.hearing.wavering(frame.time_s),

@@ -12,7 +12,7 @@ from cruise.can.codec import Codec, Decoded
 from cruise.can.frame import Frame, FrameFault
 from cruise.can.messages import CONTRACTS, FAST_MESSAGE
 from cruise.control.situation import WAVERING_MPS
-from cruise.sampling import SamplingSettings
+from cruise.sampling import FRESH_S, SamplingSettings
 from cruise.service.playback import Playback
 from cruise.signals import INPUT, OUTPUT, Reading
 
@@ -20,7 +20,8 @@ RADAR: Final = "radar_speed_mps"  # the ground speed that is not the drive's own
 OURS: Final = frozenset(one.name for one in CONTRACTS if one.sender == "cruise")
 PROTECTED: Final = frozenset(one.name for one in CONTRACTS if one.own and one.sender != "cruise")
 DAMAGED: Final = frozenset({FrameFault.BAD_CRC, FrameFault.COUNTER_REPEATED, FrameFault.COUNTER_JUMPED})
-LAST_FRAMES: Final = 10  # of a protected message, over which the share of damaged ones is taken
+LAST_FRAMES: Final = 10  # of a protected message, over which the share of damaged ones is taken,
+LAST_S: Final = 5.0  # s, and how old one of them may be
 COUNT_S: Final = 1.0  # s over which the frames of a message are counted
 MOST: Final = 1000  # frames that are counted of a message: a flood must not fill the memory
 FEW: Final = 1.0  # frame that a count may be off by
@@ -40,14 +41,16 @@ class Hearing:
         self.period_s = period_s
         self.latest: dict[str, tuple[float, float]] = {}
         self.faults: Counter[str] = Counter()
-        self.imposters = 0  # intact frames of our own messages, since the start
-        self.damaged = {name: deque([False] * LAST_FRAMES, maxlen=LAST_FRAMES) for name in PROTECTED}
+        self.imposters = 0  # intact frames of our own messages, since the operator switched on
+        # Of the last frames of each protected message when it came, where it was damaged.
+        self.damaged: dict[str, deque[float]] = {name: deque(maxlen=LAST_FRAMES) for name in PROTECTED}
         self.playback = Playback()  # of the drive's message
         self.arrivals: dict[str, deque[float]] = {}
+        self.since_s: dict[str, float] = {}  # when each message came first, or after a pause
         self.pressed = dict.fromkeys(ENGAGING, math.nan)  # as the last frame has it
         self.words: deque[float] = deque(maxlen=3)  # the last setpoints
         self.wavered: deque[float] = deque(maxlen=MOST)  # when the setpoint went back to the one before
-        self.usual: dict[str, int] = {}  # frames of each message in the last second before the controller took over
+        self.usual: dict[str, int] = {}  # frames of each message in its first second to compare with, in this drive
 
     def take(self, frame: Frame, ignored: Collection[str] = ()) -> list[Reading]:
         """Take one frame in, whatever it is; return its readings; speed and current are the drive's own."""
@@ -91,33 +94,42 @@ class Hearing:
         time_s, value = self.latest.get(name, (-math.inf, math.nan))
         return value if now_s + self.period_s - time_s <= self.sampling.stale_after(name) + 1e-6 else math.nan
 
-    def remember(self, now_s: float) -> None:
-        """Take the present rate of every message for the usual one."""
-        self.usual = {name: max(self._count(name, now_s), _rate(times)) for name, times in self.arrivals.items()}
+    def compare(self, now_s: float, driving: bool) -> None:
+        """Take for usual, while the controller drives, how often a message comes that came for a second without pause.
+
+        Messages that pause between any two frames are too slow for a second sender to stand out.
+        """
+        if not driving:
+            self.usual.clear()
+            return
+        for name, times_s in self.arrivals.items():
+            comes = bool(times_s) and now_s - times_s[-1] <= FRESH_S and now_s - self.since_s[name] >= COUNT_S
+            if comes and name not in self.usual:
+                self.usual[name] = self._count(name, now_s)
 
     def crowding(self, now_s: float) -> float:
         """Of the busiest message, its frames in the last second over those that are usual; NaN: none is known."""
-        return max(
-            (self._count(name, now_s) / (count + FEW) for name, count in self.usual.items() if count), default=math.nan
-        )
+        return max((self._count(name, now_s) / (count + FEW) for name, count in self.usual.items()), default=math.nan)
 
     def wavering(self, now_s: float) -> int:
         """How often in the last second the setpoint went back to the one before: two panels that disagree."""
         return _recent(self.wavered, now_s)
 
-    @property
-    def faulty_share(self) -> float:
+    def faulty_share(self, now_s: float) -> float:
         """Of the last frames of the worst protected message."""
-        return max(sum(frames) for frames in self.damaged.values()) / LAST_FRAMES
+        return max(sum(now_s - at_s <= LAST_S for at_s in frames) for frames in self.damaged.values()) / LAST_FRAMES
 
     def _note(self, message: str, decoded: Decoded, time_s: float) -> None:
         if message in OURS:
             self.imposters += decoded.fault is None
             return
         if message in self.damaged and decoded.fault is not FrameFault.WRONG_SOURCE:
-            self.damaged[message].append(decoded.fault in DAMAGED)
+            self.damaged[message].append(time_s if decoded.fault in DAMAGED else -math.inf)
         if decoded.fault is None:
-            self.arrivals.setdefault(message, deque(maxlen=MOST)).append(time_s)
+            times_s = self.arrivals.setdefault(message, deque(maxlen=MOST))
+            if not times_s or time_s - times_s[-1] > FRESH_S:
+                self.since_s[message] = time_s
+            times_s.append(time_s)
 
     def _hear_word(self, reading: Reading) -> None:
         self.words.append(reading.value)
@@ -128,12 +140,6 @@ class Hearing:
 
     def _count(self, message: str, now_s: float) -> int:
         return _recent(self.arrivals[message], now_s)
-
-
-def _rate(times_s: deque[float]) -> int:
-    """How many come in a second by the pace of the last ones: a sender that was away has not sent for a whole one."""
-    span_s = times_s[-1] - times_s[0] if times_s else 0.0
-    return min(round(COUNT_S * (len(times_s) - 1) / span_s), MOST) if span_s > 0.0 else 0
 
 
 def _recent(times_s: deque[float], now_s: float) -> int:

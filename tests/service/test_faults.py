@@ -225,6 +225,31 @@ def test_another_sender_of_its_own_messages_ends_the_drive(message, values):
     assert drive.node.engagement.exit_condition == "implausible"
 
 
+def test_once_that_sender_is_silent_the_fault_is_left_by_switching_off_and_on():
+    operator = (
+        OperatorRow(at_s=RETURN_S, press="resume"),
+        OperatorRow(at_s=RETURN_S + 1.0, cruise_enable=0.0, lever_pct=0.0),
+        OperatorRow(at_s=RETURN_S + 2.0, cruise_enable=1.0),
+        OperatorRow(at_s=RETURN_S + 2.1, over_s=1.5, lever_pct=55.0),
+        OperatorRow(at_s=RETURN_S + 7.0, press="resume"),
+    )
+    drive = Whole(operator=operator).run(FAULT_S)
+    for k in range(3):
+        command = {"pump_current_command_ma": 100.0, "command_active": 1.0}
+        drive.node.receive(drive.panel.codec.encode("PumpCurrentCommand", command, FAULT_S + 0.02 * k))
+    drive.run(RETURN_S + 0.9)
+    assert drive.states[-1][1] is State.FAULT
+    drive.run(RETURN_S + 9.0)
+    assert drive.engaged_at(drive.now_s)
+
+
+def test_a_panel_whose_setpoint_begins_with_the_press_is_no_second_sender():
+    def tamper(name: str | None, frame: Frame) -> Iterable[Frame]:
+        return () if name == "MachineSelectedSpeedCommand" and frame.timestamp < ENGAGE_S + 0.05 else (frame,)
+
+    assert Whole(tamper).run(END_S).engaged_at(END_S)
+
+
 class Holey(StreamSampler):
     """Too little of the period was measured, though the newest reading is fresh: a speed that comes and goes."""
 

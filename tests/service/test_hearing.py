@@ -58,7 +58,18 @@ def test_the_share_of_faulty_frames_is_that_of_the_last_ten():
         if k in (10, 11):
             frame.data[3] ^= 1
         ears.take(frame)
-        assert ears.faulty_share == pytest.approx(0.1 * sum(1 for bad in (10, 11) if bad <= k < bad + 10))
+        assert ears.faulty_share(0.02 * k) == pytest.approx(0.1 * sum(1 for bad in (10, 11) if bad <= k < bad + 10))
+
+
+def test_damaged_frames_of_a_message_that_comes_no_more_are_forgotten():
+    ears, sender = hearing(), codec()
+    for k in range(8):
+        frame = sender.encode("CommissioningRequest", {"requested_experiment": 0.0}, 1.0 + 0.01 * k)
+        frame.data[0] ^= 0x55
+        ears.take(frame)
+    assert ears.faulty_share(1.1) == 0.8
+    assert ears.faulty_share(5.9) == 0.8
+    assert ears.faulty_share(6.1) == 0.0
 
 
 def test_a_second_sender_shows_in_the_rate_and_a_late_burst_does_not():
@@ -66,7 +77,7 @@ def test_a_second_sender_shows_in_the_rate_and_a_late_burst_does_not():
         ears, sender = hearing(), codec()
         for k in range(20):
             ears.take(sender.encode("ETC2", {"gear": 2.0}, 0.1 * k))
-        ears.remember(1.9)
+        ears.compare(1.9, driving=True)
         for time_s in times_s:
             ears.take(sender.encode("ETC2", {"gear": 2.0}, time_s))
         return ears
@@ -117,15 +128,42 @@ def test_a_button_that_is_held_at_first_or_after_silence_is_unknown_until_two_fr
     np.testing.assert_array_equal(heard, [math.nan, 1.0, 1.0, math.nan, 1.0, 1.0])  # it was never seen released
 
 
-def test_the_usual_rate_of_a_sender_that_was_away_is_that_of_its_last_frames():
+@pytest.mark.parametrize("frames", [1, 2, 3, 7])
+@pytest.mark.parametrize("before_s", [(), tuple(0.1 * k for k in range(20)), tuple(2.6 + 0.1 * k for k in range(4))])
+def test_a_sender_that_has_just_come_is_compared_once_it_was_heard_for_a_second(before_s, frames):
+    """So many frames until the controller takes over, and then as ever; from 8 s on somebody else sends, too."""
     ears, sender = hearing(), codec()
-    times_s = [0.1 * k for k in range(20)] + [3.4 + 0.1 * k for k in range(40)]
-    for time_s in times_s:
+    taken_over_s = 3.4 + 0.1 * frames
+    times_s = [*before_s, *(3.4 + 0.1 * k for k in range(80)), *(8.03 + 0.1 * k for k in range(30))]
+    for time_s in sorted(times_s):
         ears.take(sender.encode("CCVS", {"cruise_set": 0.0}, time_s))
-        if time_s == pytest.approx(3.6):
-            ears.remember(time_s)
-        elif time_s > 3.6:
-            assert ears.crowding(time_s) < 1.2
+        ears.compare(time_s, driving=time_s > taken_over_s - 0.15)
+        if time_s < 4.3:
+            assert math.isnan(ears.crowding(time_s))
+        elif time_s < 8.0:
+            assert ears.crowding(time_s) < 1.2 or math.isnan(ears.crowding(time_s))
+    assert ears.crowding(9.5) > 1.6
+
+
+@pytest.mark.parametrize("period_s", [0.5, 1.0, 2.0])
+def test_a_slow_message_that_comes_a_little_early_or_late_is_no_second_sender(period_s):
+    ears, sender, rng = hearing(), codec(), Random(1)
+    times_s = [period_s * k + rng.uniform(0.0, 0.05) for k in range(60)]
+    for k in range(round(55.0 * period_s / FRAME_S)):
+        while times_s[0] <= FRAME_S * k:
+            ears.take(sender.encode("VF", {"oil_temperature_c": 50.0}, times_s.pop(0)))
+        ears.compare(FRAME_S * k, driving=True)
+        assert not ears.crowding(FRAME_S * k) > 1.0
+
+
+def test_while_a_person_drives_nothing_is_compared_and_the_next_drive_begins_anew():
+    ears, sender = hearing(), codec()
+    for k in range(80):
+        ears.take(sender.encode("ETC2", {"gear": 2.0}, (0.1 if k < 20 else 0.05) * k))
+        ears.compare((0.1 if k < 20 else 0.05) * k, driving=not 20 <= k < 50)
+    assert ears.crowding(4.0) <= 1.05
+    ears.compare(4.0, driving=False)
+    assert math.isnan(ears.crowding(4.0))
 
 
 def test_a_button_that_stays_unknown_is_unknown():
@@ -146,7 +184,7 @@ def test_frames_of_the_drive_that_come_again_are_heard_whatever_their_counters_s
         for frame in circle:
             ears.take(frame)
     assert ears.playback.repeated > 24
-    assert ears.faulty_share < 0.3
+    assert ears.faulty_share(2.1) < 0.3
     ears.take(voice.encode("DriveFeedback", spoken(rng), 2.1))
     assert ears.playback.repeated == 0
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from cruise.effects import EFFECTS
 from cruise.validation.background import STRUCTURAL, Background
-from cruise.validation.candidates import MEDIATORS, UNNAMED, Candidate, EffectCandidate, without
+from cruise.validation.candidates import MEDIATORS, UNNAMED, Candidate, EffectCandidate, with_effect, without
 from cruise.validation.explanation import Explanation
 from cruise.validation.fitting import Fit
 from cruise.validation.mediator import (
@@ -43,6 +43,7 @@ OF_THE_SLOPE: Final = 0.3  # of what a grade takes away, that a curve of the slo
 SURE_OF_SLIP: Final = 1.5  # standard errors: slip had 0.3 or more in 16 drives of 17, a bias -1.6 or less in 6 of 7
 AS_MUCH: Final = 0.9  # of what the one takes away, that the other must take for it to be the other
 FREED: Final = 0.3  # of the cost, that an effect must take away for its spare shape to be tried
+ASTRAY: Final = 2.0  # times the cost without an effect, beyond which no fit of it is one: at neutral it takes nothing
 MOVED: Final = 0.03  # of the cost, by which a better core makes all be tried anew from it
 PLAIN: Final = 0.5  # of what the best cause leaves: with less, a consequence of the drive is a cause all the same
 HOLDING: Final = ("crop_load",)  # holds the machine back as dry friction does, by the mean of its signal alone:
@@ -97,6 +98,9 @@ def tried_beside(
     if not chosen or before is not present.fit:
         present = search.judged("", before)
     judged = [search.judged(candidate.name, one) for candidate, one in zip(everyone, fits, strict=True)]
+    judged = [
+        _fitted_to_nothing(search, present, one) if one.fit.cost > ASTRAY * before.cost else one for one in judged
+    ]
     named = [one.name for one in everyone if not one.name.startswith(UNNAMED)]
     background = Background(
         before,
@@ -141,6 +145,28 @@ def tried_beside(
     tried = sorted((weighed(one, said.beside.get(one.name)) for one in tried), key=counted, reverse=True)
     unrecorded = said.name if said.through is Through.UNRECORDED else ""
     return Step(present, tuple(tried), background, unrecorded, said.forces, said.refuted, said.margin)
+
+
+def _fitted_to_nothing(search: Search, present: Judged, one: Judged) -> Judged:
+    """A candidate whose fit went astray, at its neutral values beside the explanation as it is: that errs no more."""
+    explanation = replace(present.explanation, structural=one.explanation.structural)
+    for effect in one.explanation.effects:
+        if effect.name not in explanation.names:
+            neutral = {name: bound.neutral for name, bound in effect.parameters.items()}
+            explanation = with_effect(explanation, effect.reshaped(**neutral))
+    plan, fit = search.plan(explanation), present.fit
+    there = {(slot.owner, slot.name): i for i, slot in enumerate(plan.slots)}
+    places = [there[slot.owner, slot.name] for slot in fit.layout.slots]
+
+    def beside_it(vector: np.ndarray) -> np.ndarray:
+        whole = plan.vector.copy()
+        whole[places] = vector
+        return whole
+
+    slopes = np.zeros((len(fit.error_mps), len(plan.slots)), np.float32)
+    slopes[:, places] = fit.jacobian
+    kept = Fit(plan, beside_it(fit.vector), fit.error_mps, slopes, fit.cost)
+    return replace(present, candidate=one.candidate, fit=kept, folds=tuple(map(beside_it, present.folds)))
 
 
 def stands_in_for_dead_time(search: Search, judged: Sequence[Judged]) -> bool:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from cruise.effects.dead_zone import DeadZone
+from cruise.effects.saturation import Saturation
 from cruise.identification.structures import parse
 from cruise.validation import trying
 from cruise.validation.candidates import UNNAMED, candidates, unnamed, with_effect
@@ -53,6 +54,21 @@ def test_all_are_tried_anew_where_the_core_was_found_to_be_elsewhere(plain, monk
     monkeypatch.setattr(trying, "MOVED", 1.0)
     assert min(one.gain for one in tried(plain, astray).tried) < -0.1
     assert MOVED < 0.1
+
+
+def test_an_effect_whose_fit_went_astray_takes_nothing_away():
+    """A stop of a drive that a strong curve made ten times as much of: every fit of it begins far below."""
+    bent = drive(160.0, command=lambda u: u * (1.0 + 9.0 * u / 1000.0) / 6.0)
+    one = study([bent], parse(f"{PLAIN}+quadratic_gain"), None, PERIOD_S)
+    step = tried(one, one.base)
+    stop = next(found for found in step.tried if found.name == "saturation")
+    assert stop.judged.loss == step.before.loss
+    assert (stop.gain, stop.counted) == (0.0, 0.0)
+    (fitted,) = (effect for effect in stop.judged.explanation.effects if effect.name == "saturation")
+    assert fitted == Saturation()
+    assert one.search.ahead_rms_mps(stop.judged, 3.0) > 0.0
+    assert min(found.gain for found in step.tried) > -0.2
+    assert not np.isfinite(one.search.standard_errors(stop.judged.fit)).all()
 
 
 def test_what_rings_is_fitted_from_elsewhere_where_the_core_has_a_pair_of_its_own(monkeypatch):

@@ -3,8 +3,7 @@
 import sys
 from importlib import import_module
 
-import typer
-
+STOPPED = 130  # exit code of what Ctrl-C ended, as shells have it
 VERBS = (
     "demo", "run", "plant", "record", "replay", "experiment", "explore", "identify", "orders", "paper", "effects",
     "compare", "diagnose", "add", "ladder", "workbench",
@@ -13,8 +12,17 @@ VERBS = (
 
 
 def main() -> None:
-    """Run one verb; mistakes of the user end with one clear line and exit code 2."""
-    # Imported here: these pull in the settings, and with --help nobody waits for more than that.
+    """Run one verb; mistakes of the user end with one clear line and exit code 2, Ctrl-C with no word at any time."""
+    try:
+        _run()
+    except KeyboardInterrupt:
+        sys.exit(STOPPED)
+
+
+def _run() -> None:
+    # Imported here: these pull in the settings, and Ctrl-C may come while they do.
+    import typer
+
     from cruise.can.bus import BusLostError
     from cruise.can.log import LogError
     from cruise.identification.regressors import FitError

@@ -12,6 +12,7 @@ from rich.table import Table
 from cruise import settings
 from cruise.cli import ladder_picture
 from cruise.cli.console import bold, printer
+from cruise.cli.places import REPLAY
 from cruise.cli.reading import PICTURES, AsJson, destination, writable
 from cruise.model import files
 from cruise.model.files import Step
@@ -40,6 +41,9 @@ def ladder(
         raise SettingsError("--out: says where --undo writes; without --undo nothing is written")
     file = files.read(model)
     files.model_of(model, file)
+    if not file.history and file.provenance.made_by == REPLAY:
+        note = file.provenance.note
+        raise SettingsError(f"{model}: no history in this file, {note}; ask for the ladder of what it began from")
     if undo:
         to, before = out or model, undone(model, file)
         writable("--out", to)

@@ -12,7 +12,7 @@ from rich import box
 from rich.table import Table
 
 from cruise.cli.console import printer
-from cruise.cli.places import CONFIG
+from cruise.cli.places import CONFIG, REPLAY
 from cruise.cli.reading import AsJson, Columns, InputName, OutputName, Recordings, columns_of, count_of, writable
 from cruise.model import files
 from cruise.report.plain import plain
@@ -57,9 +57,9 @@ def replay(
             **plain(asdict(service.judge(taught, unseen.recordings))),
         }
     if save is not None:
-        note = "learned online by cruise replay"
+        note = f"learned online by cruise replay, from {loaded.model}"
         names = tuple(one.source for one in taught.recordings)
-        provenance = files.Provenance(recordings=names, samples=report["samples"], made_by="cruise replay", note=note)
+        provenance = files.Provenance(recordings=names, samples=report["samples"], made_by=REPLAY, note=note)
         files.save(save, status.learned, provenance)
     if as_json:
         print(json.dumps(report, indent=2))
@@ -82,13 +82,14 @@ def _print(report: dict) -> None:
         console.print(f"faulty frames: {report['frame_faults']}")
     judged = report.get("test")
     if judged is None:
-        errors = ", ".join(f"{name} {value:.3f} m/s" for name, value in report["error_ahead_mps"].items())
+        errors = ", ".join(f"{name} {value:.5f} m/s" for name, value in report["error_ahead_mps"].items())
         console.print(f"running error 3 s ahead: {errors or 'nothing judged yet'}")
         return
     table = Table(box=box.SIMPLE_HEAD)
-    table.add_column(f"{judged['horizon_s']:g} s ahead on {len(judged['recordings'])} unseen recordings")
+    unseen = count_of(len(judged["recordings"]), "unseen recording")
+    table.add_column(f"{judged['horizon_s']:g} s ahead on {unseen}")
     table.add_column("RMS error m/s", justify="right")
     for name in ("online", "batch", "factory", "persistence"):
         error_mps = judged[f"{name}_mps"]
-        table.add_row(name, "-" if error_mps is None else f"{error_mps:.3f}")
+        table.add_row(name, "-" if error_mps is None else f"{error_mps:.5f}")
     console.print(table)

@@ -1,6 +1,7 @@
 """The command line as a user meets it: what it prints, where it writes, and what it says when something is wrong."""
 
 import json
+import subprocess
 import sys
 from pathlib import Path
 
@@ -87,6 +88,10 @@ def test_what_was_learned_can_be_saved_and_started_from(verb, driven, tmp_path):
     assert code == 0
     judged = json.loads(out)["test"]
     assert judged["online_mps"] < 0.5 * judged["persistence_mps"]
+    for words in (("ladder", saved), ("ladder", saved, "--undo")):
+        code, out, err = verb(*words)
+        assert (code, out) == (2, "")
+        assert f"learned.yaml: no history in this file, learned online by cruise replay, from {CONFIG}" in err
 
 
 def test_what_could_not_be_judged_is_no_nan(verb, driven, monkeypatch):
@@ -97,6 +102,33 @@ def test_what_could_not_be_judged_is_no_nan(verb, driven, monkeypatch):
     assert code == 0
     test = json.loads(out, parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))["test"]
     assert (test["online_mps"], test["batch_mps"]) == (0.1, None)
+
+
+def test_errors_that_differ_are_shown_to_differ(verb, driven, monkeypatch):
+    judged = replay.Judged(0.01119, 0.01156, 0.01118, 0.3, 3.0, 10)
+    monkeypatch.setattr(replay, "judge", lambda *_: judged)
+    log = driven[0][0] / "demo-4.log"
+    out = " ".join(verb("replay", log, "--test", log)[1].split())
+    assert "3 s ahead on 1 unseen recording RMS" in out
+    for words in ("online 0.01119", "batch 0.01156", "factory 0.01118"):
+        assert words in out
+
+
+@pytest.mark.parametrize("module", ["typer", "cruise.settings", "cruise.cli.ladder"])
+def test_ctrl_c_ends_a_verb_silently_while_it_still_loads(tmp_path, module):
+    code = f"""
+import sys
+class Interrupted:
+    def find_spec(self, name, *_):
+        if name == {module!r}:
+            raise KeyboardInterrupt
+sys.meta_path.insert(0, Interrupted())
+sys.argv = ["cruise", "ladder", "none.yaml"]
+from cruise.cli import main
+main()
+"""
+    ended = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (130, "", "")
 
 
 def table(path: Path, rows: str) -> Path:

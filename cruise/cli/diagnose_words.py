@@ -20,8 +20,8 @@ from cruise.recording import notes_of
 from cruise.report import evidence
 from cruise.report.curve import curve
 from cruise.report.diagnosis import (
-    DISCOUNTED,
     confidence,
+    discounted,
     experiments,
     figure,
     forces,
@@ -231,7 +231,7 @@ def _ranking(console: Console, found: Diagnosis) -> None:
     if found.steps[0].forces is not None:
         _print(console, "t and evidence: as weighed where every force is known")
     if any(one.credit < 1.0 for one in tried.values()):
-        _print(console, f"*: only what counts of it, {DISCOUNTED}")
+        _print(console, f"*: only what counts of it, {discounted(found)}")
     rest = len(found.ranking) - LINES
     if rest > 0:
         _print(console, f"and {count_of(rest, 'effect')} more that explain less (--json has them all)")

@@ -18,7 +18,8 @@ from cruise.validation.tried import LEAST_GAIN, LOOSE, Tried, step_of, tried_in
 from cruise.validation.unnamed import RestCurrent
 
 DOUBTFUL: Final = 0.5  # confidence below which an effect may be missing, rather than is
-DISCOUNTED: Final = "for its signal answers to the drive itself, or the line pressure speaks against it"
+ANSWERS: Final = "for its signal answers to the drive itself"
+DISCOUNTED: Final = f"{ANSWERS}, or the line pressure speaks against it"
 """Why not all of an effect's evidence counts."""
 
 
@@ -213,10 +214,17 @@ def _against(found: Diagnosis, tried: dict[str, Tried], other: str, alike: bool)
     if alike:
         return f"can't be told apart, {errors}"
     apart = sureness(its.compared, mine.compared, np.random.default_rng(SEED))
-    moved = f"; it counts for {100 * its.credit:.0f} %, {DISCOUNTED}" if its.credit < 1.0 else ""
+    moved = f"; it counts for {100 * its.credit:.0f} %, {discounted(found)}" if its.credit < 1.0 else ""
     if abs(apart) < SURE:
         return f"leaves {errors}, too close for the errors to decide ({apart:+.1f} standard errors){moved}"
     return f"leaves {errors}, {abs(apart):.1f} standard errors {'more' if apart > 0.0 else 'less'}{moved}"
+
+
+def discounted(found: Diagnosis) -> str:
+    """Why not all of an effect's evidence counts, where a pressure can speak only if it was recorded."""
+    shown = {signal for name in MEDIATORS for signal in EFFECTS[name].needs}
+    recorded = all(shown <= set(one.columns) for one in found.study.recordings)
+    return DISCOUNTED if recorded else ANSWERS
 
 
 def _error(judged: Judged) -> str:

@@ -227,11 +227,17 @@ def test_what_does_not_count_in_full_is_said_to(hills, capsys):
     first = hills.steps[0]
     rival = [one for one in first.tried if not one.name.startswith("unnamed:")][1]
     tried = tuple(replace(one, credit=0.25) if one is rival else one for one in first.tried)
-    out = said(capsys, replace(hills, steps=(replace(first, tried=tried), *hills.steps[1:])))
-    why = "for its signal answers to the drive itself, or the line pressure speaks against it"
-    assert f"*: only what counts of it, {why}" in out
-    assert f"it counts for 25 %, {why}" in out
+    counted = replace(hills, steps=(replace(first, tried=tried), *hills.steps[1:]))
+    why = "for its signal answers to the drive itself"
+    out = said(capsys, counted)
+    assert f"*: only what counts of it, {why} " in out
+    assert f"it counts for 25 %, {why} " in out
+    assert "pressure speaks against it" not in out, "none was recorded"
     assert "only what counts of it" not in said(capsys, hills)
+    (recording,) = hills.study.recordings
+    columns = {**recording.columns, "line_pressure_bar": np.full(len(recording), 150.0)}
+    shown = replace(hills.study, recordings=(replace(recording, columns=columns),))
+    assert f"{why}, or the line pressure speaks against it" in said(capsys, replace(counted, study=shown))
 
 
 def test_several_effects_are_added_one_after_the_other(hills, capsys):

@@ -169,6 +169,8 @@ def _state(session: Session, path: str) -> str:
         return f"{speed(step.compared.error_mps)} m/s"
     if path == "/missing" and step.diagnosed:
         return ", ".join(step.diagnosed.effects or step.diagnosed.signals) or step.diagnosed.verdict
+    if path == "/missing":
+        return ", ".join(session.found_before)
     if path == "/add" and len(session.steps) > 1:
         return f"step {session.at} of {len(session.steps) - 1}"
     return ""

@@ -11,7 +11,8 @@ from msgspec.structs import fields
 from cruise.effects import Custom
 from cruise.effects.custom import USUAL_BOUNDS
 from cruise.workbench.found import Added
-from cruise.workbench.session import Session
+from cruise.workbench.parts import speed
+from cruise.workbench.session import Session, Step
 
 COLUMNS = "columns.yaml"
 
@@ -47,8 +48,19 @@ def lines(session: Session) -> list[str]:
             model = out
     if len(steps) > 1:
         said += [f"cruise ladder {model}", f"cruise compare {files} --model {model}{options}"]
-        said.append(f"cruise run config/cruise.yaml    # with model: {model} in it")
+        worse = no_better(steps[-1])
+        said.append(f"# {worse}" if worse else f"cruise run config/cruise.yaml    # with model: {model} in it")
     return said
+
+
+def no_better(step: Step) -> str:
+    """Why a step's model is none to drive with: by how much its error did not fall; or empty."""
+    added = step.added
+    if added is None or added.error_after_mps < added.error_before_mps:
+        return ""
+    before, after = speed(added.error_before_mps), speed(added.error_after_mps)
+    which = "error on all data" if added.by_hand else "held-out error"
+    return f"{step.name} did not lower the {which}, {before} before and {after} m/s now: drive with the model before it"
 
 
 def column_settings(session: Session) -> str:

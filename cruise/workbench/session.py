@@ -87,6 +87,17 @@ class Session:
         """Whether a job is under way."""
         return self.job is not None and self.job.running
 
+    @property
+    def found_before(self) -> tuple[str, ...]:
+        """What the last search named and was not added yet, if all that was added since is what it named, too."""
+        steps = self.steps[: self.at + 1]
+        last = next((place for place in reversed(range(len(steps))) if steps[place].diagnosed), len(steps))
+        found = steps[last].diagnosed if last < len(steps) - 1 else None
+        added = {step.added.effect for step in steps[last + 1 :] if step.added and not step.added.by_hand}
+        if found is None or found.verdict != "missing" or not added <= set(found.effects):
+            return ()
+        return tuple(one.effect for one in found.cards if one.worth_adding and one.effect not in added)
+
     def open(self, source: Source) -> None:
         """Read recordings and compare the first model with them."""
         self.searching = False

@@ -66,7 +66,7 @@ def visit(chromium, server) -> Iterator[Callable[[], object]]:
 
 
 def laid_out(page) -> None:
-    """Nothing overlaps or sticks out, and every axis has its unit, on wide screens and on a telephone, by day and by night."""
+    """Nothing overlaps or sticks out, and every axis has its unit, at every width, by day and by night."""
     for _ in ("light", "dark"):
         for width in WIDTHS:
             page.set_viewport_size({"width": width, "height": 900})

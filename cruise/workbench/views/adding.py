@@ -24,7 +24,7 @@ STAGES: Final = {
 }
 EXAMPLE: Final = {
     Stage.GAIN: "1 + p1*(oil_temperature_c - 50)",
-    Stage.LOAD: "p1*sin(pitch_deg*0.01745)",
+    Stage.LOAD: "-sin(pitch_deg*0.01745)",
     Stage.COMMAND: "value + p1*value*abs(value)",
 }
 STEPS_OF_SLIDER: Final = 200
@@ -218,8 +218,9 @@ def _custom(page: Page) -> None:
     assert opened is not None
     ui.label(
         "An expression of recorded signals, speed_mps (one sample ago), the parameters p1 to p9, which are fitted, and "
-        "in a command term value, the current. Functions: abs, sqrt, exp, log, sin, cos, tanh, min, max and the like. "
-        "It is read by a parser of its own and never run as a program."
+        "in a command term value, the current. A load term has a coefficient of its own, 0 or more: give its sign. "
+        "Functions: abs, sqrt, exp, log, sin, cos, tanh, min, max and the like. It is read by a parser of its own and "
+        "never run as a program."
     ).classes("quiet small measure")
     with ui.row().classes("items-end gap-3 w-full"):
         name = ui.input("Name", value="my_term").props("outlined dense").style("width:150px")
@@ -227,7 +228,12 @@ def _custom(page: Page) -> None:
         text = ui.input("Expression", value=EXAMPLE[Stage.GAIN]).props("outlined dense").classes("mono")
         text.style("flex:1; min-width:280px")
         bound = ui.number("Parameters within ±", value=1.0, min=1e-9).props("outlined dense").style("width:170px")
-        stage.on_value_change(lambda event: text.set_value(EXAMPLE[event.value]))
+
+        def exemplify() -> None:
+            if text.value in EXAMPLE.values():
+                text.set_value(EXAMPLE[stage.value or Stage.GAIN])
+
+        stage.on_value_change(exemplify)
 
     def add() -> None:
         try:

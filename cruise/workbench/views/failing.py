@@ -204,8 +204,9 @@ def _figure(cells: Cells, page: Page) -> dict[str, Any]:
     }  # fmt: skip
     heat = {
         "type": "heatmap", "x": list(cells.column_labels), "y": list(cells.row_labels), "z": shown, "text": text,
-        "texttemplate": "%{text}", "textfont": {"size": 12}, "colorscale": "Cividis", "zmin": 0, "xgap": 2, "ygap": 2,
-        "colorbar": bar, "hovertemplate": "%{y}, %{x}<br>RMS error %{z:.3f} m/s<br>%{text}<extra></extra>",
+        "texttemplate": "%{text}", "textfont": {"size": 12}, "colorscale": "Cividis", "xgap": 2, "ygap": 2,
+        "zmin": 0.0, "zmax": float(np.nanmax(shown)), "colorbar": bar,
+        "hovertemplate": "%{y}, %{x}<br>RMS error %{z:.3f} m/s<br>%{text}<extra></extra>",
         "hoverongaps": False,
     }  # fmt: skip
     return {"data": [heat], "layout": layout, "config": theme.STILL_CONFIG}

@@ -93,7 +93,7 @@ def show(page: Page, asked: Asked) -> None:
             for name in asked.names:
                 with ui.element("tr"):
                     with ui.element("td"):
-                        ui.label(name).classes("mono").style("overflow-wrap:anywhere")
+                        ui.label(name).classes("mono").style("overflow-wrap:anywhere; min-width:110px")
                     chosen[name] = _choice(name, meanings, *meant.get(name, (AS_IT_IS, "-")))
         ui.button("Open it like this", on_click=read).props("unelevated no-caps").style("align-self:flex-start")
 

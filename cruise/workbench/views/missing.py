@@ -15,6 +15,7 @@ from cruise.workbench.session import SEARCH, Session
 TRIED_SHOWN: Final = 48
 WORDS: Final = {
     "missing": "An effect is missing, and it is this one.",
+    "several": "Effects are missing, and it is these.",
     "nothing": "Nothing is missing.",
     "unlisted": "Something is missing that is none of the effects that cruise knows.",
     "ambiguous": "Something is missing, and this recording can't tell which of these it is.",
@@ -42,6 +43,16 @@ def show(page: Page) -> None:
 
 def _ask(page: Page) -> None:
     session = page.session
+    rest = session.found_before
+    if rest:
+        with card("Found before, and not added yet"):
+            ui.label(
+                f"The search that named what was added named {' and '.join(rest)} with it, fitted jointly. A new "
+                "search says what the model as it is now still lacks."
+            ).classes("measure")
+            with ui.row().classes("gap-3"):
+                for name in rest:
+                    _add(page, name, "unelevated")
     with card():
         ui.label("The search takes a minute or so, longer where several effects are missing. It can be stopped.")
         button = ui.button("What is missing?", on_click=page.do(session.diagnose)).props("unelevated no-caps")
@@ -92,7 +103,8 @@ def _verdict(page: Page, found: Diagnosed) -> None:
     tone = {"nothing": "calm", "unlisted": "open", "ambiguous": "open"}.get(found.verdict, "")
     with ui.column().classes("gap-4 w-full"):
         with ui.element("div").classes(f"verdict {tone}").props(f'data-verdict="{found.verdict}" aria-live="polite"'):
-            ui.label(WORDS[found.verdict]).classes("strong")
+            several = found.verdict == "missing" and len(found.effects) > 1
+            ui.label(WORDS["several" if several else found.verdict]).classes("strong")
             ui.label(found.sentence).style("font-size:14px").classes("quiet")
         with ui.row().classes("gap-12"):
             figure(speed(found.error_before_mps), "m/s", "error of the model, refitted")
@@ -247,16 +259,20 @@ def _card(page: Page, found: Diagnosed, one: Card, place: int) -> None:
         ui.label(one.experiment).classes("small measure").style("padding:2px 16px")
     if one.listed:
         with ui.row().classes("items-center gap-3"):
-
-            def add() -> None:
-                page.session.add(one.effect)
-                page.go("/add")
-
-            look = "unelevated no-caps" if one.worth_adding else "outline no-caps"
-            button = ui.button(f"Add {one.effect}", on_click=add).props(look)
-            button.props["data-add"] = one.effect
-            button.set_enabled(not page.session.busy)
+            _add(page, one.effect, "unelevated" if one.worth_adding else "outline")
             if not one.chosen and found.verdict != "ambiguous":
                 ui.label("The evidence does not ask for it.").classes("quiet small")
             elif one.chosen and not one.worth_adding and found.verdict == "missing":
                 ui.label("No constant delay is a model of one that changes: it brings little.").classes("quiet small")
+
+
+def _add(page: Page, effect: str, look: str) -> None:
+    """The button that adds an effect."""
+
+    def add() -> None:
+        page.session.add(effect)
+        page.go("/add")
+
+    button = ui.button(f"Add {effect}", on_click=add).props(f"{look} no-caps")
+    button.props["data-add"] = effect
+    button.set_enabled(not page.session.busy)

@@ -22,9 +22,13 @@ def show(page: Page) -> None:
             if step.added is not None:
                 path: Path = step.added.path
                 error = step.compared.error_mps if step.compared else float("nan")
+                worse = commands.no_better(step)
+                if worse:
+                    ui.label(f"{worse}.").classes("bad")
+                what = "the model" if worse else "the model that estimator and controller run"
                 ui.label(
-                    f"{step.name}: the model that estimator and controller run, with its history. cruise compare on "
-                    f"this recording prints {number(error)} m/s."
+                    f"{step.name}: {what}, with its history. cruise compare on this recording prints {number(error)} "
+                    "m/s."
                 ).classes("quiet")
                 ui.button(
                     "Model file",

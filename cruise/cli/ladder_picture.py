@@ -40,8 +40,9 @@ def draw(rungs: "Sequence[Rung]", name: str, path: Path) -> Path:
         )
         if step.error_before_mps > 0.0:
             change_pct = 100.0 * (step.error_after_mps / step.error_before_mps - 1.0)
-            middle = 0.5 * (step.error_after_mps + step.error_before_mps)
-            axis.annotate(f"{change_pct:+.0f} %", (k - 0.5, middle), (6, 0), textcoords="offset points", va="center")
+            clear, edge = (5, "bottom") if change_pct <= 0.0 else (-5, "top")  # of the level that it leads to
+            at = k - 0.5, step.error_after_mps
+            axis.annotate(f"{change_pct:+.0f} %", at, (6, clear), textcoords="offset points", va=edge)
     last = steps[-1]
     least, most = last.floor_at_least_mps, last.floor_at_most_mps
     bounds = [one for one in (least, most) if one is not None]

@@ -14,7 +14,7 @@ from typing import Annotated
 
 import msgspec
 
-from cruise.control.excitation import ROUNDING, Excitation, Kind, Phase, WhiteNoise
+from cruise.control.excitation import ROUNDING, Excitation, Kind, Phase
 from cruise.control.limits import Limits, LimitSettings
 from cruise.settings import Positive, SettingsError
 
@@ -101,9 +101,9 @@ def _problems(experiment: Experiment, settings: CommissioningSettings, frame_s: 
             f"{name}: {low_ma:g} to {high_ma:g} mA is not within commissioning.limits, "
             f"{limits.current_min_ma:g} to {limits.current_max_ma:g} mA; change the one or the other"
         )
-    if signal.jump_ma > reach_ma * (1.0 + ROUNDING):
+    if (jump_ma := signal.jump_ma(frame_s)) > reach_ma * (1.0 + ROUNDING):
         problems.append(
-            f"{name}: changes by {signal.jump_ma:g} mA a frame, commissioning.limits let {reach_ma:g} mA pass; "
+            f"{name}: changes by {jump_ma:g} mA a frame, commissioning.limits let {reach_ma:g} mA pass; "
             "raise rate_max_ma_per_s or narrow the range"
         )
     if experiment.speed_max_mps > settings.speed_max_mps:
@@ -116,8 +116,8 @@ def _problems(experiment: Experiment, settings: CommissioningSettings, frame_s: 
             f"{name}: takes {experiment.duration_s:g} s, commissioning.duration_max_s is "
             f"{settings.duration_max_s:g}; shorten it, or drive it in parts"
         )
-    if isinstance(signal, WhiteNoise) and abs(signal.hold_s / frame_s - round(signal.hold_s / frame_s)) > ROUNDING:
-        problems.append(f"{name}: hold_s {signal.hold_s:g} is no multiple of control.frame_s, {frame_s:g}; change it")
+    if not_given := signal.not_given(frame_s):
+        problems.append(f"{name}: {not_given}; change it")
     return problems
 
 

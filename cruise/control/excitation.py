@@ -29,6 +29,7 @@ DENSE: Final = 32  # points per shortest sine, on which the peak of a multisine 
 Current = Annotated[float, msgspec.Meta(ge=0.0, le=1500.0)]  # mA; experiments drive forward only
 Count = Annotated[int, msgspec.Meta(ge=1)]
 Frequency = Annotated[float, msgspec.Meta(gt=0.0, le=5.0)]  # Hz; half of what frames of 0.05 s could carry
+SHOWN: Final = 0.25  # times the rate of the frames: half of what they could carry is still a sine
 Seed = tuple[int, ...]
 Form = Callable[[float], float]
 """Current in mA over the time in s since the signal began."""
@@ -55,8 +56,7 @@ class WhiteNoise(
         """Least and greatest current."""
         return self.low_ma, self.high_ma
 
-    @property
-    def jump_ma(self) -> float:
+    def jump_ma(self, frame_s: float) -> float:
         """Greatest change from one frame to the next."""
         return self.high_ma - self.low_ma
 
@@ -79,6 +79,10 @@ class WhiteNoise(
             values_ma = rng.normal(self.rest_ma(seed), self.deviation_ma, count).clip(self.low_ma, self.high_ma)
         held_ma, hold_s, last = values_ma.tolist(), self.hold_s, count - 1
         return lambda t_s: held_ma[min(int(t_s / hold_s + ROUNDING), last)]
+
+    def not_given(self, frame_s: float) -> str:
+        """What of it frames of this length can't give, in words; empty where nothing."""
+        return _no_multiple("hold_s", self.hold_s, frame_s)
 
     def rest_ma(self, seed: Seed) -> float:
         """Current at which the machine waits for the signal."""
@@ -111,8 +115,7 @@ class Steps(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
         """Least and greatest current."""
         return (min(self.levels_ma), max(self.levels_ma)) if self.levels_ma else (self.low_ma, self.high_ma)
 
-    @property
-    def jump_ma(self) -> float:
+    def jump_ma(self, frame_s: float) -> float:
         """Greatest change from one frame to the next."""
         low_ma, high_ma = self.range_ma
         return high_ma - low_ma
@@ -136,6 +139,12 @@ class Steps(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
             np.resize(self.levels_ma, count) if self.levels_ma else rng.uniform(self.low_ma, self.high_ma, count)
         )
         return lambda t_s: float(values_ma[int(np.searchsorted(ends_s, t_s, side="right"))])
+
+    def not_given(self, frame_s: float) -> str:
+        """What of it frames of this length can't give, in words; empty where nothing."""
+        shortest, longest = self._holds()
+        said = (_no_multiple("a hold time of", k * GRID_S, frame_s) for k in range(shortest, longest + 1))
+        return next(filter(None, said), "")
 
     def rest_ma(self, seed: Seed) -> float:
         """Current at which the machine waits for the signal."""
@@ -162,10 +171,9 @@ class Ramp(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
         """Least and greatest current."""
         return self.low_ma, self.high_ma
 
-    @property
-    def jump_ma(self) -> float:
+    def jump_ma(self, frame_s: float) -> float:
         """Greatest change from one frame to the next."""
-        return self.rate_ma_per_s * GRID_S
+        return self.rate_ma_per_s * frame_s
 
     @property
     def period_s(self) -> float:
@@ -190,6 +198,10 @@ class Ramp(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
             return low_ma + rate_ma_per_s * min(up_s, period_s - up_s)
 
         return current_ma
+
+    def not_given(self, frame_s: float) -> str:
+        """What of it frames of this length can't give: they give it all."""
+        return ""
 
     def rest_ma(self, seed: Seed) -> float:
         """Current at which the machine waits for the signal."""
@@ -225,10 +237,9 @@ class Multisine(
         """Least and greatest current."""
         return self.mean_ma - self.peak_ma, self.mean_ma + self.peak_ma
 
-    @property
-    def jump_ma(self) -> float:
+    def jump_ma(self, frame_s: float) -> float:
         """Greatest change from one frame to the next."""
-        return 2.0 * math.pi * self.high_hz * self.peak_ma * GRID_S  # Bernstein's bound on the slope, over one frame
+        return 2.0 * math.pi * self.high_hz * self.peak_ma * frame_s  # Bernstein's bound on the slope, over one frame
 
     @property
     def duration_s(self) -> float:
@@ -251,6 +262,15 @@ class Multisine(
     def rest_ma(self, seed: Seed) -> float:
         """Current at which the machine waits for the signal."""
         return self.mean_ma
+
+    def not_given(self, frame_s: float) -> str:
+        """What of it frames of this length can't give, in words; empty where nothing."""
+        shown_hz = SHOWN / frame_s
+        if self.high_hz <= shown_hz * (1.0 + ROUNDING):
+            return ""
+        return (
+            f"high_hz {self.high_hz:g} is more than frames of control.frame_s, {frame_s:g} s, can show: {shown_hz:g} Hz"
+        )
 
     def _lines(self) -> FloatArray:
         first = math.ceil(self.low_hz * self.period_s - ROUNDING)
@@ -327,6 +347,12 @@ class Excitation:
                 return last_ma * min(max((self.over_s - t_s) / self.lead_s, 0.0), 1.0)
             case Phase.OVER:
                 return 0.0
+
+
+def _no_multiple(what: str, seconds: float, frame_s: float) -> str:
+    frames = seconds / frame_s
+    fits = abs(frames - round(frames)) <= ROUNDING
+    return "" if fits else f"{what} {seconds:g} s is no multiple of control.frame_s, {frame_s:g}"
 
 
 def _check_range(low_ma: float, high_ma: float) -> None:

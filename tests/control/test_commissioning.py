@@ -1,6 +1,7 @@
 """An experiment frame by frame: its current within limits of its own, its end, and what is refused beforehand."""
 
 import math
+from contextlib import nullcontext
 from pathlib import Path
 
 import msgspec
@@ -20,7 +21,7 @@ from cruise.control.commissioning import (
     check,
 )
 from cruise.control.controller import ControlSettings
-from cruise.control.excitation import Multisine, Ramp, WhiteNoise
+from cruise.control.excitation import Multisine, Ramp, Steps, WhiteNoise
 from cruise.settings import SettingsError
 
 CONFIG = Path(__file__).parents[2] / "config"
@@ -132,6 +133,61 @@ def test_what_would_not_come_out_as_it_is_written_is_refused(experiment, setting
         check([experiment], msgspec.structs.replace(SETTINGS, **settings), FRAME_S)
     assert complaint in str(caught.value)
     check([NOISE], SETTINGS, FRAME_S)
+
+
+def sines(high_hz: float) -> Multisine:
+    return Multisine(mean_ma=750.0, peak_ma=200.0, low_hz=0.1, high_hz=high_hz, period_s=10.0, periods=2)
+
+
+def steps(hold_min_s: float, hold_max_s: float) -> Steps:
+    return Steps(seconds=20.0, hold_min_s=hold_min_s, hold_max_s=hold_max_s, levels_ma=(500.0, 900.0))
+
+
+@pytest.mark.parametrize(
+    ("excitation", "frame_s", "complaint"),
+    [
+        (steps(0.05, 0.05), 0.1, "a hold time of 0.05 s is no multiple of control.frame_s, 0.1"),
+        (steps(0.1, 0.2), 0.1, "a hold time of 0.15 s is no multiple of control.frame_s, 0.1"),
+        (steps(1.0, 1.0), 0.03, "a hold time of 1 s is no multiple of control.frame_s, 0.03"),
+        (sines(2.6), 0.1, "high_hz 2.6 is more than frames of control.frame_s, 0.1 s, show: 2.5 Hz"),
+    ],
+)
+def test_what_the_frames_cannot_give_is_refused(excitation, frame_s, complaint):
+    with pytest.raises(SettingsError) as caught:
+        check([changed(excitation=excitation)], SETTINGS, frame_s)
+    assert complaint in str(caught.value)
+    assert len(str(caught.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("excitation", "frame_s"),
+    [
+        (steps(8.0, 8.0), 0.1),
+        (steps(3.0, 8.0), 0.05),
+        (steps(0.05, 0.1), 0.01),
+        (steps(8.0, 8.0), 0.02),
+        (sines(2.5), 0.1),
+        (sines(5.0), 0.05),
+    ],
+)
+def test_what_the_frames_can_give_comes_out_as_it_is_written(excitation, frame_s):
+    experiment, limits = changed(excitation=excitation), CommissioningLimits(rate_max_ma_per_s=1e5)
+    check([experiment], msgspec.structs.replace(SETTINGS, limits=limits), frame_s)
+    commissioning, current = Commissioning(limits, frame_s), experiment.current()
+    commissioning.begin(experiment, 0.0)
+    sent = [commissioning.step(k * frame_s) for k in range(round(experiment.duration_s / frame_s))]
+    for t_s in np.arange(0.005, experiment.duration_s, 0.01):
+        if isinstance(excitation, Steps) and current.begin_s < t_s < current.end_s:
+            assert sent[int(t_s / frame_s + 1e-6)] == current.current_ma(t_s)
+
+
+def test_the_change_a_frame_is_that_of_its_own_length():
+    ramp = changed(excitation=Ramp(low_ma=0.0, high_ma=900.0, rate_ma_per_s=700.0))
+    for frame_s in (0.02, 0.05, 0.1):
+        for rate_ma_per_s, refused in ((690.0, True), (710.0, False)):
+            limited = msgspec.structs.replace(SETTINGS, limits=CommissioningLimits(rate_max_ma_per_s=rate_ma_per_s))
+            with pytest.raises(SettingsError, match="mA a frame") if refused else nullcontext():
+                check([ramp], limited, frame_s)
 
 
 def test_limits_that_are_set_in_part_keep_the_rate_of_commissioning():

@@ -45,7 +45,7 @@ def test_it_fills_its_range_and_never_leaves_it(kind):
     assert low_ma - 1e-9 <= current.min()
     assert current.max() <= high_ma + 1e-9
     assert np.ptp(current) > 0.9 * (high_ma - low_ma)
-    assert np.abs(np.diff(current)).max() <= kind.jump_ma + 1e-9
+    assert np.abs(np.diff(current)).max() <= kind.jump_ma(GRID_S) + 1e-9
 
 
 @pytest.mark.parametrize("kind", KINDS, ids=NAMES)

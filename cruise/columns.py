@@ -18,6 +18,7 @@ from cruise.grid import SAME_STEP, other_rates, typical_step
 from cruise.recording import MIN_SAMPLES, Readings, Recording, RecordingError, listed, on_grid
 from cruise.sampling import FloatArray, stale_after
 from cruise.signals import CONTEXT, INPUT, OUTPUT, SIGNALS
+from cruise.units import FULL_MA, UNITS, bracketed, scale_to, spelt
 
 TIME: Final = "time_s"
 MAX_STEP_S: Final = 3.0  # no prediction that is judged 3 s ahead can be made from rarer readings
@@ -27,7 +28,6 @@ CLOCK_DIGITS: Final = 6  # of s: seconds since 1970 hold no more
 CLOCK_S: Final = 1e8  # s, three years: times beyond are those of a clock, and no drive's own
 MOST_CODES: Final = 3  # "specific", "error" and "not available" of J1939-71; what is measured has more values
 CODES_APART: Final = 0.25  # of a signal's range, by which they are apart from all that was measured
-FULL_MA: Final = 1000.0  # mA, what an input that is a share of all is taken to be of
 SHARES: Final = ((3.0, "A or a share of all", FULL_MA), (150.0, "per cent", 0.01 * FULL_MA))
 """The largest input that is none in mA, what it is, and mA per unit of it: no pump's servo moves below 150 mA, and none
 takes 3 A."""
@@ -75,10 +75,7 @@ def tabulated(
     said = list(notes)
     wanted = (time_of(raw, settings, said), settings.input, settings.output)
     time, current, speed = _roles(header, raw, settings, wanted)
-    time_s = _scaled(raw[time], settings.columns.get(time))
-    if time.endswith("_ms") and time not in settings.columns:
-        time_s = 1e-3 * time_s
-        said.append(f"{time}: read as ms; columns: {{{time}: {{scale: 1}}}} in the file of --columns takes it as s")
+    time_s = _scaled(raw[time], settings.columns.get(time) or _by_name(time, "s", said))
     time_s = _from_its_start(time_s, said)
     keep = _usable_rows(source, time, time_s, place, said)
     columns = {name: _last_of_each(time_s, values, keep) for name, values in raw.items() if name != time}
@@ -201,7 +198,10 @@ def _signals(
             raise RecordingError(
                 f"{source}: two columns would be {signal}; one of them is {name!r}; rename one in columns"
             )
-        values, codes = _without_codes(signal, _scaled(readings.values, settings.columns.get(name)))
+        meant = settings.columns.get(name)
+        if meant is None and name in (current, speed):
+            meant = _by_name(name, SIGNALS[signal].unit, notes)
+        values, codes = _without_codes(signal, _scaled(readings.values, meant))
         if len(codes):
             said = " and ".join(f"{code:g}" for code in codes)
             there = int(np.isnan(values).sum() - np.isnan(readings.values).sum())
@@ -224,6 +224,16 @@ def _signals(
     return signals
 
 
+def _by_name(name: str, unit: str, notes: list[str]) -> ColumnSettings | None:
+    """Return what the unit means that a name says, and a note on it; of a current only in brackets: its size tells."""
+    said = spelt(name, unit)
+    if said in ("", unit) or (unit == "mA" and not bracketed(name)):
+        return None
+    notes.append(f"{name}: read as {said}; {scale_to(name, 1.0)} takes it as {unit}")
+    scale, offset = UNITS[unit][said]
+    return ColumnSettings(scale=scale, offset=offset)
+
+
 def _in_ma(name: str, signals: dict[str, Readings], settings: RecordingSettings, notes: list[str]) -> str:
     """Read an input too small for a pump's current as a share of FULL_MA; where its name says mA, say so only.
 
@@ -232,20 +242,17 @@ def _in_ma(name: str, signals: dict[str, Readings], settings: RecordingSettings,
     current = signals[INPUT]
     known = np.abs(current.values[~np.isnan(current.values)])
     most = float(np.percentile(known, 99)) if len(known) else 0.0
-    if name in settings.columns or not most:
+    said = spelt(name, "mA")
+    if name in settings.columns or not most or (said not in ("", "mA") and bracketed(name)):
         return ""
     unit, scale = next(((unit, scale) for most_of, unit, scale in SHARES if most <= most_of), ("mA", 1.0))
-    in_ma = name.endswith("_ma")
     if unit == "mA":
-        return "" if in_ma else unit
-    small, in_file = f"{name}: {most:.3g} at most, no current in mA moves a machine", "in the file of --columns"
-    if in_ma:
-        notes.append(f"{small}; if it is {unit}, columns: {{{name}: {{scale: {scale:g}}}}} {in_file} reads it so")
+        return "" if said == "mA" else unit
+    small = f"{name}: {most:.3g} at most, no current in mA moves a machine"
+    if said == "mA":
+        notes.append(f"{small}; if it is {unit}, {scale_to(name, scale)} reads it so")
         return ""
-    notes.append(
-        f"{small}; read as {unit}, all of it as {FULL_MA:g} mA; "
-        f"columns: {{{name}: {{scale: 1}}}} {in_file} takes it as it is"
-    )
+    notes.append(f"{small}; read as {unit}, all of it as {FULL_MA:g} mA; {scale_to(name, 1.0)} takes it as it is")
     signals[INPUT] = Readings(current.time_s, scale * current.values)
     return unit
 
@@ -311,7 +318,7 @@ def _usable_rows(
     if len(kept) < MIN_SAMPLES:
         raise RecordingError(f"{source}: {len(kept)} usable rows are too few; a recording needs {MIN_SAMPLES} at least")
     step_s = typical_step(time_s[kept])
-    in_ms = f"columns: {{{time}: {{scale: 0.001}}}} in the file of --columns reads it so"
+    in_ms = f"{scale_to(time, 0.001)} reads it so"
     if step_s > MAX_STEP_S:
         raise RecordingError(
             f"{source}: one row every {step_s:.4g} s is too few to see a drive move; if {time} is in ms, {in_ms}"

@@ -12,6 +12,7 @@ FILES = sorted((ROOT / "cruise").rglob("*.py"))
 
 ROWS = (
     "signals",
+    "units",
     "settings",
     "sampling",
     "grid",

@@ -84,6 +84,52 @@ def test_the_one_column_that_sounds_like_a_time_is_it_and_ms_are_read_as_such(tm
         read_csv(csv_of(tmp_path, rows, "time_ms,pump_current_ma,ground_speed_mps,gps_time"), PLAIN)
 
 
+@pytest.mark.parametrize(
+    ("name", "mps"),
+    [
+        ("v_vehicle [km/h]", 1.0 / 3.6),
+        ("v_kmh", 1.0 / 3.6),
+        ("Speed (km/h)", 1.0 / 3.6),
+        ("speed_mph", 0.44704),
+        ("v [mm/s]", 1e-3),
+        ("v [m/s]", 1.0),
+        ("speed", 1.0),
+        ("speed_a", 1.0),
+    ],
+)
+def test_a_speed_is_read_in_the_unit_that_its_name_says(tmp_path, name, mps):
+    rows = [f"{0.1 * k:.1f},{20 * k},{k}" for k in range(41)]
+    file = csv_of(tmp_path, rows, f"time_s,I_pump,{name}")
+    read = read_csv(file, RecordingSettings(input="I_pump", output=name))
+    np.testing.assert_allclose(read.output, mps * np.arange(41.0))
+    assert [note.startswith(f"{name}: read as ") for note in read.notes] == [True] * (mps != 1.0)
+    as_it_is = RecordingSettings(input="I_pump", output=name, columns={name: ColumnSettings(scale=1.0)})
+    np.testing.assert_allclose(read_csv(file, as_it_is).output[:13], np.arange(13.0))
+    in_a_log = {
+        "I_pump": Readings(0.1 * np.arange(41.0), 20.0 * np.arange(41.0)),
+        name: Readings(0.1 * np.arange(41.0), np.arange(41.0)),
+    }
+    read = arranged("made up", in_a_log, RecordingSettings(input="I_pump", output=name), None)
+    np.testing.assert_allclose(read.output, mps * np.arange(41.0))
+
+
+@pytest.mark.parametrize(
+    ("name", "most", "ma"),
+    [
+        ("I [A]", 1.2, 1000.0),
+        ("I (%)", 2.0, 10.0),  # which would else be A
+        ("I [mA]", 800.0, 1.0),
+        ("coil_A", 800.0, 1.0),  # a coil's name, and no unit
+    ],
+)
+def test_a_current_is_read_in_the_unit_in_brackets(tmp_path, name, most, ma):
+    rows = [f"{0.1 * k:.1f},{most * k / 40},{k / 10}" for k in range(41)]
+    file = csv_of(tmp_path, rows, f"Time [s],{name},ground_speed_mps")
+    read = read_csv(file, RecordingSettings(input=name))
+    np.testing.assert_allclose(read.input, ma * most * np.arange(41.0) / 40)
+    assert any(f'columns: {{"{name}": {{scale: 1}}}}' in note for note in read.notes) is (ma != 1.0)
+
+
 def test_a_signal_that_there_is_none_of_is_said(tmp_path):
     rows = [f"{0.1 * k:.1f},{20 * k},{k / 10},{k},{k}" for k in range(41)]
     file = csv_of(tmp_path, rows, "time_s,pump_current_ma,ground_speed_mps,a,b")

@@ -1,0 +1,40 @@
+"""Units of a file's columns: which their names say, and how values in them become values in this project's units."""
+
+import re
+from typing import Final
+
+FULL_MA: Final = 1000.0  # mA, what an input that is a share of all is taken to be of
+UNITS: Final[dict[str, dict[str, tuple[float, float]]]] = {
+    "s": {"s": (1.0, 0.0), "ms": (1e-3, 0.0), "us": (1e-6, 0.0)},
+    "mA": {"mA": (1.0, 0.0), "A": (1000.0, 0.0), "%": (0.01 * FULL_MA, 0.0), "share": (FULL_MA, 0.0)},
+    "m/s": {"m/s": (1.0, 0.0), "km/h": (1 / 3.6, 0.0), "mm/s": (1e-3, 0.0), "mph": (0.44704, 0.0)},
+    "rpm": {"rpm": (1.0, 0.0), "1/s": (60.0, 0.0), "rad/s": (9.549297, 0.0)},
+    "deg": {"deg": (1.0, 0.0), "rad": (57.29578, 0.0), "%": (0.5729578, 0.0)},
+    "kg": {"kg": (1.0, 0.0), "t": (1000.0, 0.0)},
+    "degC": {"degC": (1.0, 0.0), "K": (1.0, -273.15), "degF": (5 / 9, -160 / 9)},
+    "bar": {"bar": (1.0, 0.0), "kPa": (0.01, 0.0), "psi": (0.0689476, 0.0)},
+}
+"""Units of a file by the unit of the signal: scale and offset."""
+SPELT: Final = {
+    "pct": "%", "percent": "%", "mps": "m/s", "kmh": "km/h", "kph": "km/h", "mmps": "mm/s", "rps": "1/s", "hz": "1/s",
+    "amps": "A", "radps": "rad/s", "c": "degC", "f": "degF",
+} | {unit.lower(): unit for units in UNITS.values() for unit in units}  # fmt: skip
+"""Units by how the last word of a column's name spells them."""
+
+
+def spelt(name: str, unit: str) -> str:
+    """The unit in which the last word of a name says that a column is, if it is one for `unit`; else empty."""
+    *before, last = re.split(r"[\s_.(\[]+", name.lower().rstrip(")] "))
+    found = SPELT.get(last, "") if before else ""
+    return found if found in UNITS.get(unit, (unit,)) else ""
+
+
+def bracketed(name: str) -> bool:
+    """Whether a name ends in brackets: what stands there is a unit, and no coil A or share of something."""
+    return name.rstrip().endswith((")", "]"))
+
+
+def scale_to(name: str, scale: float) -> str:
+    """The line of a file of columns that says by what a column is scaled."""
+    key = name if re.fullmatch(r"[A-Za-z][\w.]*", name) else f'"{name}"'
+    return f"columns: {{{key}: {{scale: {scale:g}}}}} in the file of --columns"

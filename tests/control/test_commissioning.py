@@ -149,7 +149,7 @@ def steps(hold_min_s: float, hold_max_s: float) -> Steps:
         (steps(0.05, 0.05), 0.1, "a hold time of 0.05 s is no multiple of control.frame_s, 0.1"),
         (steps(0.1, 0.2), 0.1, "a hold time of 0.15 s is no multiple of control.frame_s, 0.1"),
         (steps(1.0, 1.0), 0.03, "a hold time of 1 s is no multiple of control.frame_s, 0.03"),
-        (sines(2.6), 0.1, "high_hz 2.6 is more than frames of control.frame_s, 0.1 s, show: 2.5 Hz"),
+        (sines(2.6), 0.1, "high_hz 2.6 is more than frames of control.frame_s, 0.1 s, can show: 2.5 Hz"),
     ],
 )
 def test_what_the_frames_cannot_give_is_refused(excitation, frame_s, complaint):

@@ -111,6 +111,7 @@ _EXPERIMENT_END: Final = (
     ("gear_changed", State.STANDBY, ExitReason.CONTROL_POSITION),
     ("request_withdrawn", State.STANDBY, ExitReason.RELEASED),
     ("too_fast", State.STANDBY, ExitReason.FUNCTION_FAULT),
+    ("implausible", State.FAULT, ExitReason.FUNCTION_FAULT),
     ("finished", State.STANDBY, ExitReason.RELEASED),
 )
 
@@ -205,17 +206,20 @@ class Engagement:
             "setpoint_lost": self._commanded and math.isnan(now.requested_mps),
             "setpoint_invalid": not settings.speed_min_mps <= word_mps <= settings.speed_max_mps,
             "standing": now.time_s - self._moved_s > settings.standing_s,
-            "implausible": bool(now.contradiction),
+            "implausible": bool(self._contradiction(now)),
             "overspeed": now.speed_mps - self._allowed_mps > settings.hill_mps(now.alpha),
             "reached": abs(now.speed_mps - target_mps) <= settings.reached_mps,
             "drive_signals_lost": not now.drive_signals_valid,
             "gear_changed": experiment is not None and now.gear != experiment.conditions.gear,
             "request_withdrawn": experiment is not None and now.requested_experiment != experiment.number,
-            "too_fast": experiment is not None and abs(now.speed_mps) > experiment.speed_max_mps,
+            "too_fast": experiment is not None and now.fastest_mps > experiment.speed_max_mps,
             "finished": now.experiment_over,
             "commission": pressed and asked and self._may_commission(now, last),
             "engage": pressed and not asked and self._may_engage(now),
         }
+
+    def _contradiction(self, now: Situation) -> str:
+        return now.contradiction_in_experiment if self.state is State.COMMISSIONING else now.contradiction
 
     def _may_engage(self, now: Situation) -> bool:
         self.refused = against_engaging(now, self.settings, self._wanted_mps(now))
@@ -251,7 +255,7 @@ class Engagement:
     def _enter(self, row: Transition, now: Situation) -> None:
         if row.source.drives and not row.target.drives:
             self.exit_reason, self.exit_condition = row.reason, row.condition
-            self.exit_detail = now.contradiction if row.condition == "implausible" else ""
+            self.exit_detail = self._contradiction(now) if row.condition == "implausible" else ""
         if row.target is State.OVERRIDDEN:
             self._acted_s, self._lever_pct = now.time_s, now.lever_pct
         if row.target.drives and not row.source.drives:

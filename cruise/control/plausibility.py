@@ -3,6 +3,8 @@
 A check compares what is seen with what another source makes of it and gives how much of the allowed difference is used:
 above 1 for `for_s` without a break, the signals contradict each other. NaN (nothing to compare with) is no
 contradiction: a missing signal is the engagement's matter. Rows with `driving` need the controller's own commands.
+Rows with `experiment` hold while an experiment drives, too, whose steps and noise are rougher than a sensor's fault:
+two speeds of which one comes later differ there, unless the rate is allowed for.
 
 What no row can see: a speed of which all sensors err alike, and a panel that lies alone in its place. There the limits
 on current, rate and acceleration are all that bounds the harm.
@@ -95,6 +97,7 @@ class Seen:
     wavering: int  # times in the last second that the setpoint went back to the one before
     upset: bool  # what is kept twice (state of the observer, model, current sent last) is no longer the same
     slowness: float  # mean time between two ticks over the period
+    experimenting: bool = False  # an experiment drives
 
 
 @dataclass(slots=True)
@@ -240,7 +243,9 @@ def _rough(memory: Memory, settings: PlausibilitySettings) -> float:
 
 
 def _frozen(seen: Seen, memory: Memory, settings: PlausibilitySettings) -> float:
-    return max(texture.frozen_s for texture in memory.textures.values()) / settings.frozen_s
+    """In an experiment, which begins at standstill, a sensor may count nothing."""
+    textures = [one for one in memory.textures.values() if not (seen.experimenting and one.value == 0.0)]
+    return max((texture.frozen_s for texture in textures), default=0.0) / settings.frozen_s
 
 
 def _force(seen: Seen, memory: Memory, settings: PlausibilitySettings) -> float:
@@ -274,33 +279,40 @@ class Check:
     used: Callable[[Seen, Memory, PlausibilitySettings], float]
     for_s: float
     driving: bool = False
+    experiment: bool = False
+
+    def asked(self, seen: Seen) -> bool:
+        """Whether it says something about who drives now."""
+        return not self.driving or math.isfinite(seen.commanded_ma) or (self.experiment and seen.experimenting)
 
 
 CHECKS: Final = (
-    Check("another node sends our messages", lambda seen, memory, settings: math.inf if seen.imposters else 0.0, 0.0),
+    Check("another node sends our messages", lambda seen, memory, settings:
+          math.inf if seen.imposters else 0.0, 0.0, experiment=True),
     Check("frames of a message come damaged or out of order", lambda seen, memory, settings:
-          seen.faulty_share / settings.faulty_share, 0.0),
+          seen.faulty_share / settings.faulty_share, 0.0, experiment=True),
     Check("the drive's frames were heard before", lambda seen, memory, settings:
-          seen.repeated / settings.repeated, 0.0),
+          seen.repeated / settings.repeated, 0.0, experiment=True),
     Check("a message has a second sender", lambda seen, memory, settings: seen.crowding / settings.crowd, 0.0, True),
     Check("two setpoints take turns", lambda seen, memory, settings: seen.wavering / settings.wavering, 0.0),
     Check("the program's memory changed by itself", lambda seen, memory, settings:
-          math.inf if seen.upset else 0.0, 0.0),
-    Check("the program gets too little time", lambda seen, memory, settings: seen.slowness / settings.slowness, 0.0),
+          math.inf if seen.upset else 0.0, 0.0, experiment=True),
+    Check("the program gets too little time", lambda seen, memory, settings:
+          seen.slowness / settings.slowness, 0.0, experiment=True),
     Check("the current does not follow its command", _current, 0.1, True),
     Check("the current has left its command", _regulation, 0.05, True),
     Check("the current is late behind its command", lambda seen, memory, settings:
           memory.lateness.late_ma / settings.late_ma, 0.1, True),
     Check("the drive's speed is not that of wheel and ground", _speeds, 0.3),
     Check("the drive's speed has left that of wheel and ground", lambda seen, memory, settings:
-          memory.usual.used, 0.3),
+          memory.usual.used, 0.3, experiment=True),
     Check("the speed changes faster than tyres allow", _acceleration, 0.1),
     Check("the engine speed changes faster than it can", lambda seen, memory, settings:
           memory.engine.rate_rpm_per_s / settings.engine_rpm_per_s, 0.05),
     Check("the engine speed has jumped and not come back", lambda seen, memory, settings:
           math.inf if memory.engine.jumped else 0.0, 0.05),
     Check("a sensor is too noisy", lambda seen, memory, settings: _rough(memory, settings), 0.2),
-    Check("a sensor is frozen", _frozen, 0.0, True),
+    Check("a sensor is frozen", _frozen, 0.0, True, experiment=True),
     Check("current and speed do not fit the model", _response, 0.3),
     Check("the speed changes as no command did", _jump, 0.0, True),
     Check("a force came at once, as no hill does", _force, 0.0, True),
@@ -310,13 +322,13 @@ CHECKS: Final = (
 
 
 class Plausibility:
-    """`contradiction` is the answer; `memory` and since when each check fails are all its state."""
+    """`contradiction` is the answer, `in_experiment` that of the checks that hold there; the rest is its state."""
 
     def __init__(self, settings: PlausibilitySettings, frame_s: float) -> None:
         self.settings = settings
         self.memory = Memory(frame_s, settings)
         self.since_s: dict[str, float] = {}
-        self.contradiction = ""
+        self.contradiction = self.in_experiment = ""
 
     def read(self, name: str, time_s: float, value: float) -> None:
         """One reading as it came off the bus."""
@@ -329,15 +341,15 @@ class Plausibility:
     def step(self, seen: Seen) -> str:
         """One frame period on; which signals can't all be true, or nothing."""
         self.memory.take(seen)
-        driving = math.isfinite(seen.commanded_ma)
-        found = ""
+        found = []
         for check in CHECKS:
-            fails = (driving or not check.driving) and check.used(seen, self.memory, self.settings) > 1.0
+            fails = check.asked(seen) and check.used(seen, self.memory, self.settings) > 1.0
             if not fails:
                 self.since_s.pop(check.name, None)
                 continue
             since_s = self.since_s.setdefault(check.name, seen.time_s)
-            if seen.time_s - since_s >= check.for_s - 1e-6 and not found:
-                found = check.name
-        self.contradiction = found
-        return found
+            if seen.time_s - since_s >= check.for_s - 1e-6:
+                found.append(check)
+        self.contradiction = next((check.name for check in found), "")
+        self.in_experiment = next((check.name for check in found if check.experiment), "")
+        return self.contradiction

@@ -61,12 +61,14 @@ class Situation:
     model_ready: bool  # the observer has caught up with the machine
     healthy: bool  # bus and program
     contradiction: str  # which signals can't all be true; empty where they can
+    contradiction_in_experiment: str  # the same by the checks that hold while an experiment drives
     brake: bool
     clutch: bool
     gear: float
     alpha: float  # equation 12: 1 in the slow gears, less in those that a hill slows down more
     lever_pct: float
     speed_mps: float
+    fastest_mps: float  # the greatest of the speeds that are fresh, of drive, wheel and radar, whatever their direction
     coming_mps2: float  # acceleration that the current has caused already and that has not come yet
     requested_mps: float  # setpoint on the bus
     reference_mps: float  # what the controller follows now
@@ -108,6 +110,7 @@ def against_commissioning(
             != now.requested_experiment,
             "signals are missing": not now.drive_signals_valid,
             "the panel's frames are missing": not now.operator_present,
+            f"signals contradict each other: {now.contradiction_in_experiment}": bool(now.contradiction_in_experiment),
             "brake or clutch is pressed": now.brake or now.clutch,
             f"the experiment is for gear {gear}": now.gear != gear,
             "the lever is not at rest": not abs(now.lever_pct) <= settings.lever_rest_pct,

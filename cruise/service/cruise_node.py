@@ -155,6 +155,7 @@ class CruiseNode:
                 healthy=situation.healthy and on_time,
                 signals_valid=situation.signals_valid and self._measured(frame),
                 contradiction=contradiction,
+                contradiction_in_experiment=self.plausibility.in_experiment if self.plausibility is not None else "",
             )
         )
         self.hearing.compare(now_s, state.controls)
@@ -167,7 +168,8 @@ class CruiseNode:
         else:
             self.commissioning.end(now_s)
         self.ticks += 1
-        frames = self._frames(now_s, speed=self.ticks % self.speed_every == 0)
+        ends = before.drives and not state.drives  # whoever hears that it has ended shall know why
+        frames = self._frames(now_s, speed=ends or self.ticks % self.speed_every == 0)
         if self.canopen is not None:
             frames += self.canopen.tick(now_s, self._node_status(now_s))
         return frames
@@ -277,6 +279,7 @@ class CruiseNode:
             wavering=self.hearing.wavering(frame.time_s),
             upset=controller.upset or controller.adopted is not self.supervisor.driving,
             slowness=self.pace.slowness,
+            experimenting=self.engagement.state is State.COMMISSIONING,
         )
 
     @property
@@ -290,6 +293,7 @@ class CruiseNode:
             return self._value(name, now_s) > 0.5
 
         self.missing = tuple(name for name in self.needed if not math.isfinite(self._value(name, now_s)))
+        speeds_mps = [self._value(name, now_s) for name in (OUTPUT, "wheel_speed_mps", RADAR)]
         return Situation(
             time_s=now_s,
             enable=on("cruise_enable") and not (self.canopen is not None and self.canopen.neutral_requested),
@@ -304,12 +308,14 @@ class CruiseNode:
             model_ready=self.controller.state is not None and self.learned.gate is not Gate.WARMING_UP,
             healthy=self.healthy,
             contradiction="",
+            contradiction_in_experiment="",
             brake=on("brake_pedal"),
             clutch=on("clutch_pedal"),
             gear=self._value("gear", now_s),
             alpha=self._alpha,
             lever_pct=self._value("lever_pct", now_s),
             speed_mps=self._value(OUTPUT, now_s),
+            fastest_mps=max((abs(one) for one in speeds_mps if math.isfinite(one)), default=math.nan),
             coming_mps2=0.0 if self.engagement.state.controls else self.controller.coming_mps2,
             requested_mps=self._value("setpoint_mps", now_s),
             reference_mps=self.controller.past_references[0],

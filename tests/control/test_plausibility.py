@@ -206,11 +206,11 @@ def test_an_engine_that_starts_and_a_throttle_that_is_turned_have_not_jumped():
     assert jumps(lambda s: 2100.0 - 700.0 * min(max(s - 1.0, 0.0), 1.0), (1.3, 1.6, 5.0)) == ["", "", ""]
 
 
+@pytest.mark.parametrize("rpm_per_s", [400.0, -400.0, 1200.0, -1200.0])
 @pytest.mark.parametrize("gap_s", GAPS_S)
-def test_an_engine_speed_that_a_throttle_moves_may_be_read_at_any_rate(gap_s):
-    for rpm_per_s in (400.0, -400.0, 1200.0, -1200.0):
-        course = engine(lambda s: 1500.0 + rpm_per_s * min(max(s - 1.0, 0.0), 0.4), 4.0, lambda s: gap_s)
-        assert not {JUMPED, TOO_FAST} & {said for _, said in course}
+def test_an_engine_speed_that_a_throttle_moves_may_be_read_at_any_rate(gap_s, rpm_per_s):
+    course = engine(lambda s: 1500.0 + rpm_per_s * min(max(s - 1.0, 0.0), 0.4), 4.0, lambda s: gap_s)
+    assert not {JUMPED, TOO_FAST} & {said for _, said in course}
 
 
 @pytest.mark.parametrize("gap_s", GAPS_S)
@@ -339,6 +339,34 @@ def test_the_contradiction_goes_with_its_cause():
     plausibility = Plausibility(PlausibilitySettings(), FRAME_S)
     assert plausibility.step(replace(TRUE, time_s=1.0, imposters=0, faulty_share=0.9))
     assert plausibility.step(replace(TRUE, time_s=1.05)) == plausibility.contradiction == ""
+
+
+EXPERIMENT = replace(TRUE, commanded_ma=math.nan, followed_mps=math.nan, experimenting=True)
+
+
+@pytest.mark.parametrize("check", LIES)
+def test_in_an_experiment_those_checks_are_asked_that_steps_and_noise_pass(check):
+    lie, within_s = LIES[check]
+    plausibility, held = Plausibility(PlausibilitySettings(), FRAME_S), next(c for c in CHECKS if c.name == check)
+    said = []
+    for k in range(1, 120):
+        now_s = k * FRAME_S
+        seen = replace(EXPERIMENT, time_s=now_s)
+        lying = replace(lie(seen, now_s - 3.0), commanded_ma=math.nan, followed_mps=math.nan)
+        plausibility.step(lying if now_s > 3.0 else seen)
+        said.append((now_s, plausibility.in_experiment))
+    assert (check in [one for now_s, one in said if now_s <= 3.0 + within_s + 1.01 * FRAME_S]) is held.experiment
+    assert not any(one for now_s, one in said if now_s <= 3.0)
+
+
+@pytest.mark.parametrize(("value", "found"), [(0.04, "a sensor is frozen"), (0.0, "")])
+def test_a_sensor_that_freezes_in_an_experiment_is_found_unless_it_counts_nothing_as_at_standstill(value, found):
+    for experimenting, said in ((True, found), (False, "")):
+        plausibility = Plausibility(PlausibilitySettings(), FRAME_S)
+        for k in range(1, 60):
+            plausibility.read("ground_speed_mps", k * FRAME_S, value)
+            plausibility.step(replace(EXPERIMENT, time_s=k * FRAME_S, experimenting=experimenting))
+        assert plausibility.in_experiment == said
 
 
 def test_a_threshold_that_switches_its_check_off_is_refused():

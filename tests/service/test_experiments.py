@@ -6,6 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from cruise.can import protection
 from cruise.can.frame import Frame
 from cruise.control.commissioning import CommissioningSettings, Conditions, Experiment, Progress
 from cruise.control.engagement import ExitReason, State
@@ -23,7 +24,7 @@ from cruise.service.experiments import Driven, Recorder, altered, drive, drive_o
 from cruise.service.loop import Lockstep
 from cruise.service.operator_node import OperatorNode
 from cruise.signals import INPUT, OUTPUT
-from tests.service.drive import CONFIG, Listener, Tamper, Wire, codec, cruise_settings, plant_settings
+from tests.service.drive import CAN, CONFIG, Listener, Tamper, Wire, codec, cruise_settings, plant_settings
 
 NOISE = Experiment(
     name="noise",
@@ -244,6 +245,14 @@ def test_whatever_the_operator_does_ends_it_within_a_frame_and_it_does_not_start
     assert whole.recorder.ended_by == reason.name.lower().replace("_", " ")
 
 
+@pytest.mark.parametrize("at_s", [END_S, END_S + FRAME_S])
+def test_who_hears_that_it_has_ended_has_heard_why(at_s):
+    whole = Whole(OperatorRow(at_s=at_s, lever_pct=20.0))
+    while not whole.recorder.ended:
+        whole.run(whole.loop.now_s + 0.01)
+    assert whole.recorder.ended_by == "override"
+
+
 LOST = {
     "the panel": ("CCVS", "operator_lost", ExitReason.OPERATOR_LOST),
     "the request": ("CommissioningRequest", "request_withdrawn", ExitReason.RELEASED),
@@ -288,6 +297,65 @@ def test_beyond_its_speed_it_ends():
     assert driven.ended_by == "too fast"
     assert driven.recording.output.max() < 1.4
     assert driven.recording.notes == ("ended early: function fault",)
+
+
+def forged(**values: float) -> Tamper:
+    """A wire on which the drive says this from `END_S` on, and signs it."""
+
+    def tamper(name: str | None, frame: Frame):
+        if name != "DriveFeedback" or frame.timestamp < END_S:
+            return (frame,)
+        read = {reading.name: reading.value for reading in codec().decode(frame).readings}
+        said = codec().encode("DriveFeedback", read | values, frame.timestamp)
+        last_counter = (protection.counter_of(frame.data) - 1) % protection.COUNTS
+        protection.protect(said.data, CAN.data_ids.drive_feedback, last_counter)
+        return (said,)
+
+    return tamper
+
+
+@pytest.mark.parametrize(("shown_mps", "detail"), [(0.04, "has left that of wheel and ground"), (None, "frozen")])
+def test_a_speed_of_the_drive_that_is_not_the_machines_ends_it_and_it_is_said_why(shown_mps, detail):
+    without = ("WBSD", "GBSD") if shown_mps is None else ()
+    lie = forged(ground_speed_mps=shown_mps or 0.04)
+    whole = Whole(tamper=lambda name, frame: () if name in without else lie(name, frame)).run(END_S + 1.0)
+    assert whole.states[-1] == (pytest.approx(END_S + 0.6, abs=0.4), State.FAULT)
+    assert whole.node.engagement.exit_condition == "implausible"
+    assert detail in whole.node.engagement.exit_detail
+
+
+def test_steps_that_the_radar_shows_later_than_the_drive_do_not_end_it():
+    steps = Steps(levels_ma=(1150.0, 450.0), hold_min_s=4.0, hold_max_s=4.0, seconds=12.0)
+    downhill = Conditions(machine_mass_kg=9000.0, grade_deg=-8.0)
+    experiment = msgspec.structs.replace(NOISE, excitation=steps, conditions=downhill)
+    driven = drive_on_bus(experiment, cruise_settings(), plant_settings())
+    assert driven.ended_by == ""
+    assert np.ptp(driven.recording.output) > 1.5
+
+
+def test_wheel_and_radar_end_it_beyond_its_speed_too():
+    whole = Whole(tamper=forged(ground_speed_mps=0.2))
+    whole.node.plausibility = None
+    experiment = msgspec.structs.replace(NOISE, speed_max_mps=1.0)
+    whole.node.engagement.experiments[NOISE.number] = experiment
+    whole.run(12.0)
+    assert whole.node.engagement.exit_condition == "too_fast"
+    assert whole.combine.truth.ground_speed_mps < 1.1
+
+
+def test_it_does_not_begin_while_another_node_sends_its_commands_and_then_it_is_switched_off_and_on():
+    rows = (
+        OperatorRow(at_s=3.0, cruise_enable=0.0),
+        OperatorRow(at_s=3.5, cruise_enable=1.0),
+        OperatorRow(at_s=4.0, press="set"),
+    )
+    whole = Whole(*rows).run(1.0)
+    command = {"pump_current_command_ma": 700.0, "command_active": 1.0}
+    whole.node.receive(codec().encode("PumpCurrentCommand", command, 1.0))
+    whole.run(2.5)
+    assert whole.node.engagement.state is State.STANDBY
+    assert whole.node.engagement.refused == "signals contradict each other: another node sends our messages"
+    assert whole.run(4.5).node.engagement.state is State.COMMISSIONING
 
 
 def test_a_brake_in_the_middle_leaves_a_recording_that_says_so():

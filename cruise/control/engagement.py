@@ -132,6 +132,13 @@ TRANSITIONS: Final[tuple[Transition, ...]] = (
 )
 
 
+_NOT_NOW: Final = {  # what a press is told in states in which no button is taken
+    State.OFF: "the main switch is off",
+    State.FAULT: "after a fault it has to be switched off and on",
+    State.OVERRIDDEN: "brake, clutch or lever was in use just now",
+}
+
+
 class Engagement:
     """The state, the setpoint or the experiment, and why the last engagement or experiment ended.
 
@@ -172,11 +179,16 @@ class Engagement:
         self._allow(now, last)
         if not abs(now.speed_mps) < self.settings.standing_mps:
             self._moved_s = now.time_s
+        pressed = self._pressed(now, last)
+        if pressed:
+            self.refused = ""
         holds = self._conditions(now, last)
         for row in TRANSITIONS:
             if row.source is self.state and holds[row.condition]:
                 self._enter(row, now)
                 break
+        if pressed and not self.refused:
+            self.refused = _NOT_NOW.get(self.state, "")
         if self.state.controls and last is not None:
             self._follow(now, last)
         elif math.isfinite(now.requested_mps):
@@ -185,9 +197,7 @@ class Engagement:
 
     def _conditions(self, now: Situation, last: Situation | None) -> dict[str, bool]:
         settings, experiment = self.settings, self.experiment
-        before = last if last is not None and last.operator_present else None  # a lost panel's button may be held
-        edge = before is not None and ((now.set and not before.set) or (now.resume and not before.resume))
-        pressed = edge and self.state is State.STANDBY
+        pressed = self.state is State.STANDBY and self._pressed(now, last)
         asked = now.requested_experiment != 0
         target_mps = self.setpoint_mps
         word_mps = now.requested_mps if self._is_new(now.requested_mps) else target_mps
@@ -217,6 +227,12 @@ class Engagement:
             "commission": pressed and asked and self._may_commission(now, last),
             "engage": pressed and not asked and self._may_engage(now),
         }
+
+    def _pressed(self, now: Situation, last: Situation | None) -> bool:
+        """Whether a button that engages goes down; one that was held while the panel was lost does not."""
+        if last is None or not last.operator_present:
+            return False
+        return (now.set and not last.set) or (now.resume and not last.resume)
 
     def _contradiction(self, now: Situation) -> str:
         return now.contradiction_in_experiment if self.state is State.COMMISSIONING else now.contradiction
@@ -249,15 +265,21 @@ class Engagement:
 
     def _watch_operator(self, now: Situation) -> None:
         """Note when pedals or lever were last in use."""
-        if now.brake or now.clutch or self._lever_moved(now) or not now.operator_present:
-            self._acted_s, self._lever_pct = now.time_s, now.lever_pct
+        unknown = math.isnan(now.lever_pct) or not now.operator_present
+        if now.brake or now.clutch or self._lever_moved(now) or unknown:
+            self._act(now)
+
+    def _act(self, now: Situation) -> None:
+        self._acted_s = now.time_s
+        if math.isfinite(now.lever_pct):
+            self._lever_pct = now.lever_pct
 
     def _enter(self, row: Transition, now: Situation) -> None:
         if row.source.drives and not row.target.drives:
             self.exit_reason, self.exit_condition = row.reason, row.condition
             self.exit_detail = self._contradiction(now) if row.condition == "implausible" else ""
         if row.target is State.OVERRIDDEN:
-            self._acted_s, self._lever_pct = now.time_s, now.lever_pct
+            self._act(now)
         if row.target.drives and not row.source.drives:
             self.exit_reason, self.exit_condition, self.exit_detail = ExitReason.NONE, "", ""
             self._lever_pct, self._gear = now.lever_pct, now.gear

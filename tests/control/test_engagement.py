@@ -77,14 +77,36 @@ def test_resume_takes_the_last_setpoint_where_no_panel_ever_asks_for_one():
         ({"requested_mps": math.nan}, "the setpoint is out of range"),
         ({"requested_mps": 20.0}, "the setpoint is out of range"),
         ({"operator_present": False}, "the panel's frames are missing"),
-        ({"enable": False}, ""),
-        ({"healthy": False}, ""),
+        ({"enable": False}, "the main switch is off"),
+        ({"healthy": False}, "after a fault it has to be switched off and on"),
     ],
 )
 def test_it_does_not_engage_and_says_what_is_in_the_way(fields, why):
     engagement = engaging(**fields)
     assert not engagement.state.drives
     assert engagement.refused == why
+
+
+@pytest.mark.parametrize(
+    ("before", "why"),
+    [
+        ({"brake": True}, "brake, clutch or lever was in use just now"),
+        ({"enable": False}, "the main switch is off"),
+        ({"healthy": False}, "after a fault it has to be switched off and on"),
+    ],
+)
+def test_a_press_says_what_is_in_the_way_in_every_state(before, why):
+    engagement = engaged()
+    lasting = {name: value for name, value in before.items() if name == "enable"}
+    for fields in (before, lasting):
+        engagement.step(replace(READY, **fields))
+        assert engagement.refused == ""
+    engagement.step(replace(READY, resume=True, **lasting))
+    assert engagement.refused == why
+    for k in range(40):
+        engagement.step(replace(READY, time_s=0.1 * k, enable=k != 1))
+    engagement.step(replace(READY, time_s=4.0, resume=True))
+    assert (engagement.state, engagement.refused) == (State.ENGAGING, "")
 
 
 def test_only_the_operators_press_leads_into_a_state_that_drives():

@@ -107,6 +107,25 @@ def test_an_override_lasts_as_long_as_the_operator_acts_and_a_press_meanwhile_is
     assert engagement.step(replace(at_rest, time_s=time_s + 1.4, resume=True)) is State.ENGAGING
 
 
+@pytest.mark.parametrize("seen_pct", [40.0, math.nan])
+def test_a_lever_that_has_no_value_when_the_override_begins_still_lasts_as_long_as_it_is_moved(seen_pct):
+    engagement = engaged()
+    engagement.step(replace(READY, time_s=1.0, brake=True, lever_pct=seen_pct))
+    for k in range(1, 60):
+        assert (
+            engagement.step(replace(READY, time_s=1.0 + 0.05 * k, lever_pct=40.0 + 10.0 * k % 90)) is State.OVERRIDDEN
+        )
+
+
+def test_a_lever_without_a_value_is_not_left_alone():
+    engagement = engaged()
+    for k in range(60):
+        now = replace(READY, time_s=1.0 + 0.05 * k, brake=k == 0, lever_pct=math.nan)
+        assert engagement.step(now) is State.OVERRIDDEN
+    states = [engagement.step(replace(READY, time_s=4.0 + 0.05 * k)) for k in range(30)]
+    assert (states[15], states[-1]) == (State.OVERRIDDEN, State.STANDBY)
+
+
 @pytest.mark.parametrize(
     ("fields", "target"), [({"healthy": False}, State.FAULT), ({"enable": False}, State.OFF), ({}, State.OVERRIDDEN)]
 )

@@ -18,7 +18,7 @@ from cruise.grid import SAME_STEP, other_rates, typical_step
 from cruise.recording import MIN_SAMPLES, Readings, Recording, RecordingError, listed, on_grid
 from cruise.sampling import FloatArray, stale_after
 from cruise.signals import CONTEXT, INPUT, OUTPUT, SIGNALS
-from cruise.units import FULL_MA, UNITS, bracketed, scale_to, spelt
+from cruise.units import FULL_MA, UNITS, bracketed, entry, spelt
 
 TIME: Final = "time_s"
 MAX_STEP_S: Final = 3.0  # no prediction that is judged 3 s ahead can be made from rarer readings
@@ -229,7 +229,7 @@ def _by_name(name: str, unit: str, notes: list[str]) -> ColumnSettings | None:
     said = spelt(name, unit)
     if said in ("", unit) or (unit == "mA" and not bracketed(name)):
         return None
-    notes.append(f"{name}: read as {said}; {scale_to(name, 1.0)} takes it as {unit}")
+    notes.append(f"{name}: read as {said}; {entry(name, 1.0)} takes it as {unit}")
     scale, offset = UNITS[unit][said]
     return ColumnSettings(scale=scale, offset=offset)
 
@@ -250,9 +250,9 @@ def _in_ma(name: str, signals: dict[str, Readings], settings: RecordingSettings,
         return "" if said == "mA" else unit
     small = f"{name}: {most:.3g} at most, no current in mA moves a machine"
     if said == "mA":
-        notes.append(f"{small}; if it is {unit}, {scale_to(name, scale)} reads it so")
+        notes.append(f"{small}; if it is {unit}, {entry(name, scale)} reads it so")
         return ""
-    notes.append(f"{small}; read as {unit}, all of it as {FULL_MA:g} mA; {scale_to(name, 1.0)} takes it as it is")
+    notes.append(f"{small}; read as {unit}, all of it as {FULL_MA:g} mA; {entry(name, 1.0)} takes it as it is")
     signals[INPUT] = Readings(current.time_s, scale * current.values)
     return unit
 
@@ -318,7 +318,7 @@ def _usable_rows(
     if len(kept) < MIN_SAMPLES:
         raise RecordingError(f"{source}: {len(kept)} usable rows are too few; a recording needs {MIN_SAMPLES} at least")
     step_s = typical_step(time_s[kept])
-    in_ms = f"{scale_to(time, 0.001)} reads it so"
+    in_ms = f"{entry(time, 0.001)} reads it so"
     if step_s > MAX_STEP_S:
         raise RecordingError(
             f"{source}: one row every {step_s:.4g} s is too few to see a drive move; if {time} is in ms, {in_ms}"

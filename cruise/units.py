@@ -34,7 +34,10 @@ def bracketed(name: str) -> bool:
     return name.rstrip().endswith((")", "]"))
 
 
-def scale_to(name: str, scale: float) -> str:
-    """The line of a file of columns that says by what a column is scaled."""
+def entry(name: str, scale: float = 1.0, offset: float = 0.0, signal: str = "") -> str:
+    """What the file of columns has to say of one of them."""
     key = name if re.fullmatch(r"[A-Za-z][\w.]*", name) else f'"{name}"'
-    return f"columns: {{{key}: {{scale: {scale:g}}}}} in the file of --columns"
+    meant = [f"signal: {signal}"] * bool(signal)
+    meant += [f"scale: {scale:.6g}"] * (scale != 1.0 or not signal)
+    meant += [f"offset: {offset:.6g}"] * bool(offset)
+    return f"columns: {{{key}: {{{', '.join(meant)}}}}} in the file of --columns"

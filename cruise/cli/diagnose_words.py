@@ -33,6 +33,7 @@ from cruise.report.diagnosis import (
 )
 from cruise.report.effect import physics, what
 from cruise.report.evidence import SURE, Number
+from cruise.report.mapping import hints
 from cruise.validation.candidates import UNNAMED
 from cruise.validation.diagnose import SEED, Diagnosis, Verdict
 from cruise.validation.noise_floor import NoiseFloor
@@ -94,6 +95,8 @@ def say(
             f"{figure(own.refitted_mps)}: its parameters are wrong here, no effect is missing",
             0,
         )
+    for hint in hints(found):
+        _print(console, hint, 0)
     if late(found):
         _print(console, late(found), 0)
     _print(console, f"{count_of(len(study.recordings), 'recording')}, {samples} samples of {study.period_s:g} s", 0)

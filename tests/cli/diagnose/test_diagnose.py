@@ -14,6 +14,7 @@ from cruise.effects import EFFECTS, Stage
 from cruise.recording import Recording
 from cruise.report import diagnosis, diagnosis_picture, evidence
 from cruise.report.diagnosis_figures import report
+from cruise.report.mapping import WORDS, hints, likeliest
 from cruise.signals import INPUT
 from cruise.validation.candidates import Refused
 from cruise.validation.diagnose import Diagnosis
@@ -108,6 +109,38 @@ def test_what_is_not_in_the_table_is_named_by_its_signal_and_its_curve(hills, ca
     (dependence,) = report(found, MODEL, MODEL)["dependence"]
     slope = np.polyfit(dependence["values"], dependence["curve"], 1)[0]
     assert slope == pytest.approx(-PULL * 9.81 * np.pi / 180.0, rel=0.25)
+
+
+def test_a_column_that_may_be_what_an_effect_lacked_is_said_to(hills, capsys):
+    (recording,) = hills.study.recordings
+    columns = {"Slope [%]" if name == "pitch_deg" else name: values for name, values in recording.columns.items()}
+    own = replace(hills.study, recordings=(replace(recording, columns=columns),))
+    lacking = (Refused("grade", "pitch_deg is not recorded"), Refused("gear_ratio", "gear is not recorded"))
+    found = replace(unlisted(hills), study=own, signals=("Slope [%]",), refused=lacking)
+    assert (
+        "if `Slope [%]` is pitch_deg, the pitch of the machine (+ uphill), "
+        'columns: {"Slope [%]": {signal: pitch_deg, scale: 0.572958}} in the file of --columns says so; '
+        "then `grade` can be tried"
+    ) in said(capsys, found)
+    beside = replace(found, verdict=hills.verdict, effects=hills.effects, signals=(), beside="Slope [%]")
+    assert len(hints(beside)) == 1
+    assert hints(replace(found, signals=("header_height",))) == []
+    assert hints(replace(found, refused=())) == hints(hills) == []
+
+
+@pytest.mark.parametrize(
+    ("column", "signal"),
+    [
+        ("EngSpeed [rpm]", "engine_speed_rpm"),
+        ("EngLoad", "engine_load_pct"),
+        ("T_oil [degC]", "oil_temperature_c"),
+        ("WheelBasedSpeed", "wheel_speed_mps"),
+        ("HST_Pressure", "line_pressure_bar"),
+        ("header_height", ""),
+    ],
+)
+def test_what_a_column_may_be_by_its_name(column, signal):
+    assert likeliest(column, WORDS) == signal
 
 
 def test_what_can_not_be_told_apart_comes_with_every_experiment(hills, capsys):

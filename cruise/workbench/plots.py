@@ -37,7 +37,7 @@ def signature(found: Signature, name: str, colors: Theme) -> None:
                 "hovertemplate": f"{label}: %{{y:.3f}} m/s<extra></extra>",
             }
         )  # fmt: skip
-    _still(data, colors, f"change of the prediction by {name} (m/s)", "left over (m/s)", f"residuals and {name}")
+    _still(data, colors, f"change by {name} (m/s)", "left over (m/s)", f"residuals and {name}")
 
 
 def curve(found: Curve, name: str, colors: Theme) -> None:

@@ -66,7 +66,7 @@ _ALL = (
     Signal("machine_mass_kg", "kg", 5000.0, 40000.0, "mass of the machine with what is in the bin"),
     Signal("oil_temperature_c", "degC", -40.0, 150.0, "temperature of the hydraulic oil"),
     Signal("engine_load_pct", "%", 0.0, 125.0, "engine torque in percent of the torque available at this speed"),
-    Signal("line_pressure_bar", "bar", -600.0, 600.0, "pressure difference of the high and low pressure lines"),
+    Signal("line_pressure_bar", "bar", -600.0, 600.0, "pressure difference of the lines, + driving forward"),
     Signal("setpoint_mps", "m/s", 0.0, 12.0, "speed that the operator asks for"),
     Signal("lever_pct", "%", -100.0, 100.0, "deflection of the hydrostatic lever from its rest position"),
     Signal("brake_pedal", "0/1", 0.0, 1.0, "service brake pressed"),

@@ -1,6 +1,6 @@
 """What a bar of line pressure means on this machine: the force that it is, and the load of the engine that it makes.
 
-    dp = p_0 + F / kappa,   F = m (g_n sin(slope) + dv/dt)          load = l_0 + k (dp - p_1) |v|
+    dp = p_0 + F / kappa,   F = m (g_n sin(slope) + dv/dt)          load = l_0 + k (dp v - p_1 |v|)
 
 dp line pressure in bar, p_0 and p_1 in bar while nothing holds the machine, F force in kN, kappa in kN per bar, m mass
 in kg (15 000 kg where not measured), k in % per bar m/s, v speed in m/s. By regression of what shows more upon what
@@ -59,8 +59,9 @@ def load_of_a_bar(recordings: Sequence[Recording]) -> Traction | None:
     """k and p_1; None where pressure or load are not recorded, or the load shows next to nothing of the drive."""
     if not _recorded(recordings, PRESSURE, LOAD):
         return None
-    speed = np.abs(np.concatenate([one.output for one in recordings]))
-    found = _regression(recordings[0].dt_s, _joined(recordings, LOAD), speed, _joined(recordings, PRESSURE) * speed)
+    speed = np.concatenate([one.output for one in recordings])
+    powers = np.abs(speed), _joined(recordings, PRESSURE) * speed
+    found = _regression(recordings[0].dt_s, _joined(recordings, LOAD), *powers)
     return None if found is None or found[2] <= 0.0 else Traction(found[2], -found[1] / found[2])
 
 

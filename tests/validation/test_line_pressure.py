@@ -1,5 +1,7 @@
 """What a bar means is found from the signals alone, though the pressure shows forces that nobody recorded."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -39,8 +41,11 @@ def test_the_force_of_a_bar_is_found_whether_the_pitch_shows_acceleration_or_not
     assert found.rest_bar == pytest.approx(REST_BAR, abs=5.0)
 
 
-def test_the_load_that_a_bar_makes_is_found_beside_the_crop():
-    found = load_of_a_bar([shown()])
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_the_load_that_a_bar_makes_is_found_beside_the_crop_in_reverse_too(way):
+    one = shown()
+    turned = {name: way * one.columns[name] for name in (OUTPUT, "line_pressure_bar")}
+    found = load_of_a_bar([replace(one, columns={**one.columns, **turned})])
     assert found is not None
     assert found.traction_pct_per_bar_mps == pytest.approx(PCT_PER_BAR_MPS, rel=0.05)
     assert found.rest_bar == pytest.approx(REST_BAR, abs=5.0)

@@ -8,6 +8,7 @@ from nicegui import ui
 from cruise.effects import Stage
 from cruise.effects.expression import ExpressionError
 from cruise.model.files import CustomTerm
+from cruise.signals import OUTPUT
 from cruise.workbench import plots
 from cruise.workbench.by_hand import Setting, judged, settings_of
 from cruise.workbench.found import Added
@@ -249,5 +250,5 @@ def _custom(page: Page) -> None:
     with ui.row().classes("items-center gap-4"):
         button = ui.button("See whether it helps", on_click=add).props("outline no-caps")
         button.set_enabled(not session.busy)
-        columns = ", ".join(one for one in opened.recordings[0].columns)
+        columns = ", ".join(one for one in opened.recordings[0].columns if one != OUTPUT)
         ui.label(f"recorded: {columns}").classes("quiet small")

@@ -167,7 +167,9 @@ def ahead(
     """The speed at every sample as predicted `horizon` samples before, shape (N,) in m/s.
 
     Currents and signals on the way are the measured ones, speeds are the model's own; `noise[m - 1]` (N,) is what a
-    noise model adds m samples ahead. NaN where there was no start.
+    noise model adds m samples ahead. NaN where there was no start. To an effect that compares the ground speed with the
+    wheels' (`wheel_slip`, `sensor_bias`), or takes its rate out of the pitch (`grade`, `power_limit`), it is a signal,
+    too: of that on the way such a model knows more than one that drives will.
     """
     state = states_over(model, currents_ma, speeds_mps, signals)
     if not model.reads_speed:

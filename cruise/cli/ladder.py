@@ -121,7 +121,8 @@ def _print(model: Path, rungs: list[Rung], drawn: Path | None) -> None:
     ahead = f"{last.horizon_s:g} s ahead" if len(horizons) == 1 else "at the horizon of each step"
     table = Table(box=box.SIMPLE_HEAD, title=f"held-out error {ahead}, m/s", title_justify="left", title_style="")
     for heading in ("step", "before", "after", "way down", "recordings", "date"):
-        table.add_column(heading, justify="left" if heading in ("step", "recordings", "date") else "right")
+        words = heading in ("step", "recordings", "date")
+        table.add_column(heading, justify="left" if words else "right", overflow="fold" if words else "ellipsis")
     for one in rungs:
         step = one.step
         table.add_row(

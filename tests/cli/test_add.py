@@ -161,6 +161,7 @@ def test_the_ladder_shows_how_the_error_fell(verb, built):
         assert words in flat(out)
     assert "Not all steps" not in out
     assert max(map(len, out.splitlines())) <= 80
+    assert "…" not in out, "a structure is longer than its column"
     assert (built / "p.png").read_bytes().startswith(b"\x89PNG")
     found = said(verb("ladder", "two.yaml", "--json")[1])
     assert [one["effect"] for one in found["steps"]] == [None, "grade", "quadratic_gain"]

@@ -17,15 +17,21 @@ UNITS: Final[dict[str, dict[str, tuple[float, float]]]] = {
 """Units of a file by the unit of the signal: scale and offset."""
 SPELT: Final = {
     "pct": "%", "percent": "%", "mps": "m/s", "kmh": "km/h", "kph": "km/h", "mmps": "mm/s", "rps": "1/s", "hz": "1/s",
-    "amps": "A", "radps": "rad/s", "c": "degC", "f": "degF",
+    "amps": "A", "radps": "rad/s", "c": "degC", "f": "degF", "°c": "degC", "°f": "degF", "°": "deg", "1/min": "rpm",
 } | {unit.lower(): unit for units in UNITS.values() for unit in units}  # fmt: skip
 """Units by how the last word of a column's name spells them."""
 
 
+def apart(name: str) -> tuple[str, str]:
+    """A name without its unit, and the unit: what its last word spells, or what stands in square brackets; or empty."""
+    before, last = re.split(r"(?:[\s_.(\[]+|^)(?=[^\s_.(\[]*$)", name.rstrip(")] "), maxsplit=1)
+    unit = SPELT.get(last.lower(), last if name.rstrip().endswith("]") else "")
+    return (before, unit) if before and unit else (name, "")
+
+
 def spelt(name: str, unit: str) -> str:
-    """The unit in which the last word of a name says that a column is, if it is one for `unit`; else empty."""
-    *before, last = re.split(r"[\s_.(\[]+", name.lower().rstrip(")] "))
-    found = SPELT.get(last, "") if before else ""
+    """The unit in which a name says that a column is, if it is one for `unit`; else empty."""
+    found = apart(name)[1]
     return found if found in UNITS.get(unit, (unit,)) else ""
 
 

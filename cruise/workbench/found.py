@@ -224,6 +224,8 @@ class Diagnosed:
     signals: tuple[str, ...]
     sentence: str
     next_experiment: tuple[str, ...]
+    hints: tuple[str, ...]  # columns that may be a signal which an effect lacked
+    discounted: str  # why not all that a candidate explains counts
     late: str  # what to do where the dead time is much longer than the model's; or empty
     hidden_mps: float  # what an effect could move the speed by without being named
     cards: tuple[Card, ...]

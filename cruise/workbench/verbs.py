@@ -31,7 +31,7 @@ from cruise.model.history import history_of
 from cruise.model.model import Model
 from cruise.recording import Recording, RecordingError, notes_of
 from cruise.report import comparison as comparing
-from cruise.report import comparison_picture, diagnosis, diagnosis_picture, evidence
+from cruise.report import comparison_picture, diagnosis, diagnosis_picture, evidence, mapping
 from cruise.report.model_file import model_file
 from cruise.service.recordings import read_recording
 from cruise.service.recordings.names import names_in
@@ -154,6 +154,8 @@ def diagnosed(recordings: Sequence[Recording], question: Question, show: Show) -
         signals=found.signals,
         sentence=diagnosis.sentence(found).replace("`", ""),
         next_experiment=tuple(one.replace("`", "") for one in diagnosis.experiments(found)),
+        hints=tuple(one.replace("`", "") for one in mapping.hints(found)),
+        discounted=diagnosis.discounted(found),
         late=diagnosis.late(found),
         hidden_mps=math.sqrt(diagnosis.hidden_share(found)) * before,
         cards=tuple(cards.card(found, one) for one in shown),

@@ -292,7 +292,7 @@ def diagnosed_as(verdict: str, *effects: str) -> Diagnosed:
     )  # fmt: skip
     return Diagnosed(
         horizon_s=3.0, verdict=verdict, explained=True, effects=effects, signals=(), sentence="", next_experiment=(),
-        late="", hidden_mps=0.01, cards=cards, others=(), refused=(), error_before_mps=0.2, error_after_mps=0.1,
+        hints=(), discounted="", late="", hidden_mps=0.01, cards=cards, others=(), refused=(), error_before_mps=0.2, error_after_mps=0.1,
         floor_mps=(0.01, 0.02), minute=Minute(x, x, x, x, ""), picture=b"",
     )  # fmt: skip
 
@@ -317,6 +317,13 @@ def test_the_headline_counts_what_is_missing(session):
     for effects, headline in ((("grade",), "and it is this one"), (("grade", "dead_zone"), "and it is these")):
         session.steps[0].diagnosed = diagnosed_as("missing", *effects)
         assert any(headline in str(getattr(one, "text", "")) for one in shown(missing, session))
+
+
+def test_a_column_that_may_be_known_is_said(session):
+    session.undo()
+    hint = "if Slope [%] is pitch_deg, a line of the file of columns says so; then grade can be tried"
+    session.steps[0].diagnosed = replace(diagnosed_as("unlisted"), hints=(hint,))
+    assert any("If Slope [%] is pitch_deg" in str(getattr(one, "text", "")) for one in shown(missing, session))
 
 
 def test_a_model_that_errs_more_is_none_to_drive_with(session, better):

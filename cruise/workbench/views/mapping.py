@@ -8,30 +8,15 @@ from typing import Any, Final
 from msgspec.structs import replace
 from nicegui import ui
 
-from cruise.columns import FULL_MA, ColumnSettings
+from cruise.columns import ColumnSettings
 from cruise.service.recordings import TABLES, ReadingSettings
 from cruise.signals import INPUT, OUTPUT, SIGNALS
+from cruise.units import UNITS, apart, bracketed, spelt
 from cruise.workbench.found import Asked, Source
 from cruise.workbench.page import Page
 from cruise.workbench.parts import card, labelled
 
 TIME: Final = "time_s"
-UNITS: Final[dict[str, dict[str, tuple[float, float]]]] = {
-    "s": {"s": (1.0, 0.0), "ms": (1e-3, 0.0), "us": (1e-6, 0.0)},
-    "mA": {"mA": (1.0, 0.0), "A": (1000.0, 0.0), "%": (0.01 * FULL_MA, 0.0), "share": (FULL_MA, 0.0)},
-    "m/s": {"m/s": (1.0, 0.0), "km/h": (1 / 3.6, 0.0), "mm/s": (1e-3, 0.0), "mph": (0.44704, 0.0)},
-    "rpm": {"rpm": (1.0, 0.0), "1/s": (60.0, 0.0), "rad/s": (9.549297, 0.0)},
-    "deg": {"deg": (1.0, 0.0), "rad": (57.29578, 0.0), "%": (0.5729578, 0.0)},
-    "kg": {"kg": (1.0, 0.0), "t": (1000.0, 0.0)},
-    "degC": {"degC": (1.0, 0.0), "K": (1.0, -273.15), "degF": (5 / 9, -160 / 9)},
-    "bar": {"bar": (1.0, 0.0), "kPa": (0.01, 0.0), "psi": (0.0689476, 0.0)},
-}
-"""Units of a file by the unit of the signal: scale and offset."""
-SPELT: Final = {
-    "pct": "%", "percent": "%", "mps": "m/s", "kmh": "km/h", "kph": "km/h", "mmps": "mm/s", "rps": "1/s", "hz": "1/s",
-    "amps": "A", "radps": "rad/s", "c": "degC", "f": "degF", "°c": "degC", "°f": "degF", "°": "deg", "1/min": "rpm",
-} | {unit.lower(): unit for units in UNITS.values() for unit in units}  # fmt: skip
-"""Units by how the last word of a column's name spells them."""
 USUAL: Final[dict[str, tuple[str, ...]]] = {
     TIME: ("time", "time stamp", "timestamp", "t"),
     INPUT: ("pump current", "pump i", "solenoid current", "valve current", "current", "i"),
@@ -110,7 +95,7 @@ def _choice(name: str, meanings: list[str], value: str, in_unit: str) -> tuple[A
         labelled(unit.props("outlined dense options-dense").style("width:110px"), f"unit of {name}")
         meaning.on_value_change(
             lambda event: unit.set_options(
-                _units(event.value), value=_spelt(name, event.value) or _units(event.value)[0]
+                _units(event.value), value=spelt(name, _unit_of(event.value)) or _units(event.value)[0]
             )
         )
     return meaning, unit
@@ -130,29 +115,16 @@ def known(reading: ReadingSettings, names: list[str], meanings: list[str]) -> di
     return found | {name: (meaning, _unit_by(name, meaning, None)) for name, meaning in rest.items()}
 
 
-def _apart(name: str) -> tuple[str, str]:
-    """A name without its unit, and the unit: what its last word spells, or what stands in square brackets; or empty."""
-    before, last = re.split(r"(?:[\s_.(\[]+|^)(?=[^\s_.(\[]*$)", name.rstrip(")] "), maxsplit=1)
-    unit = SPELT.get(last.lower(), last if name.rstrip().endswith("]") else "")
-    return (before, unit) if before and unit else (name, "")
-
-
-def _spelt(name: str, meaning: str) -> str:
-    """The unit in which a name says that a column is; empty where it says none that can be."""
-    unit = _apart(name)[1]
-    return unit if unit in _units(meaning) else ""
-
-
 def _words(name: str) -> set[str]:
     """The words of a name without its unit, written out."""
-    bare = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", _apart(name)[0])
+    bare = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", apart(name)[0])
     return {SHORT.get(one, one) for one in re.split(r"[\W_]+", bare.lower()) if one}
 
 
 def _unit_by(name: str, meaning: str, said: ColumnSettings | None) -> str:
     """The unit that has this scale and offset; where none was said, that of the name."""
     if said is None:
-        return _spelt(name, meaning) or (AS_SET if meaning == INPUT else _units(meaning)[0])
+        return spelt(name, _unit_of(meaning)) or (AS_SET if meaning == INPUT else _units(meaning)[0])
     units = UNITS.get(_unit_of(meaning), {_units(meaning)[0]: (1.0, 0.0)})
     for unit, (scale, offset) in units.items():
         if math.isclose(scale, said.scale, rel_tol=SAME) and math.isclose(offset, said.offset, rel_tol=SAME):
@@ -175,7 +147,9 @@ def reading_of(usual: ReadingSettings, meant: dict[str, tuple[str, str]]) -> Rea
     for meaning, column in named.items():
         unit, said = meant[column][1], usual.columns.get(column)
         scale, offset = UNITS.get(_unit_of(meaning), {}).get(unit, (1.0, 0.0))
-        if (unit == AS_SET and said is None) or (meaning == INPUT and unit in BY_SIZE and TIME in named):
+        by_size = meaning == INPUT and unit in BY_SIZE and TIME in named
+        another = bracketed(column) and spelt(column, "mA") not in ("", unit)  # that its name says
+        if (unit == AS_SET and said is None) or (by_size and not another):
             continue
         if unit == AS_SET and said is not None:
             scale, offset = said.scale, said.offset
@@ -200,7 +174,7 @@ def guessed(names: list[str], meanings: list[str]) -> dict[str, str]:
     for said, meaning in sorted(usual, key=lambda one: -len(one[0])):
         for name in names:
             taken = name in found or meaning in found.values() or meaning not in meanings
-            if not taken and _called(name, said) and _apart(name)[1] in ("", *_units(meaning)):
+            if not taken and _called(name, said) and apart(name)[1] in ("", *_units(meaning)):
                 found[name] = meaning
     for meaning in meanings:
         free = [name for name in names if name not in found and name not in SIGNALS]

@@ -5,7 +5,6 @@ from typing import Final
 
 from nicegui import ui
 
-from cruise.report.diagnosis import DISCOUNTED
 from cruise.workbench import plots, theme
 from cruise.workbench.found import Card, Diagnosed
 from cruise.workbench.page import Page
@@ -127,6 +126,10 @@ def _verdict(page: Page, found: Diagnosed) -> None:
         with card("The drive that tells"):
             for sentence in found.next_experiment:
                 ui.label(sentence).classes("measure")
+    if found.hints:
+        with card("A column that may be known"):
+            for sentence in found.hints:
+                ui.label(f"{sentence[:1].upper()}{sentence[1:]}.").classes("measure")
     with card("The minute in which it matters most" if found.explained else "The minute of the best of them"):
         legend(
             [
@@ -219,7 +222,9 @@ def _card(page: Page, found: Diagnosed, one: Card, place: int) -> None:
                 "combine.",
             )
     if one.counts < 0.995:
-        ui.label(f"Only {100 * one.counts:.0f} % of what it explains counts, {DISCOUNTED}.").classes("quiet small")
+        ui.label(f"Only {100 * one.counts:.0f} % of what it explains counts, {found.discounted}.").classes(
+            "quiet small"
+        )
     ui.label(one.physics).classes("measure")
     if one.equation:
         ui.label(one.equation).classes("formula mono")

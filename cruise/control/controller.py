@@ -342,9 +342,7 @@ class Controller:
         rise = slope * min(limits.rate_max_ma_per_s, servo_ma_per_s)
         fall = slope * min(limits.rate_max_ma_per_s, servo_ma_per_s * self._servo.return_share)
         share = settings.predictive.engaging_share if gently else 1.0
-        # As if the drive were quicker by a standard deviation of what its gear leaves open: a plan for a slow one asks
-        # for much, and a quick one gives it.
-        quicker = math.exp(self.observer.pace_std)
+        quicker = self.observer.quicker()  # a plan for a slow drive asks for much, and a quick one gives it
         self.plan = programme.solve(now, reference, Bounds(low, high, rise, fall, share, 1.0 / quicker))
         self.wanted_mps = self.plan.wanted_mps + load_mps
         inverse = self.inversion.step(model, self.plan.wanted_mps / gain, state, signals)

@@ -138,10 +138,12 @@ class DisturbanceObserver:
         """Whether the state is no longer what was kept of it: nothing in the program did that."""
         return self._kept != self._state()
 
-    @property
-    def pace_std(self) -> float:
-        """Standard deviation of ln p: how much quicker or slower the drive may be."""
-        return math.sqrt(self.log_pace_variance)
+    def quicker(self, deviations: float = 1.0) -> float:
+        """How many times as quick as believed the drive may be, less by chance than so many standard deviations.
+
+        Always as quick as its gear is by the model: a hill that comes while the drive moves makes it look slow.
+        """
+        return math.exp(max(deviations * math.sqrt(self.log_pace_variance), -self.log_pace))
 
     def pole(self, pole: float, yielding: float = 1.0) -> float:
         """That of the drive as it is now, for the one that the model gives the gear; `yielding` is l."""

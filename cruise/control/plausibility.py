@@ -29,6 +29,7 @@ WINDOW_S: Final = 0.25  # s of commands with which the measured current is compa
 STILL_MA: Final = 8.0  # mA within that time: a command that moves by less shows the output stage's error as it is
 USUAL_S: Final = 5.0  # s, time constant of that error: temperature and voltage move it, and not at once
 SMOOTH_S: Final = 0.2  # s, time constant through which two speeds are compared
+QUICKER: Final = 2.0  # standard deviations, by which a drive may answer more quickly than it is believed to
 JUMP_S: Final = 0.2  # s over which the model's errors are summed
 TEXTURE_S: Final = 0.5  # s, time constant of the roughness
 WIDEST: Final = 3.0  # times its default that a threshold may be
@@ -88,7 +89,7 @@ class Seen:
     expected_mps: float  # of the change of the speed in this frame, what drive and loads make by the model
     unexpected_mps: float  # the rest, what no command explains
     coming_mps: tuple[float, ...]  # by frame, what currents on their way will still change of it by the model
-    pace_std: float  # of the logarithm of how quickly the drive answers, which a gear leaves open
+    quicker: float  # times that the drive may be quicker than it is believed, by so many standard deviations
     alpha: float  # equation 12: 1 in the slow gears, less in those that a hill slows down more
     crowding: float  # the busiest message's frames in the last second over those that were usual when engaging
     faulty_share: float  # of the last frames of the worst protected message
@@ -251,12 +252,11 @@ def _frozen(seen: Seen, memory: Memory, settings: PlausibilitySettings) -> float
 def _force(seen: Seen, memory: Memory, settings: PlausibilitySettings) -> float:
     """A brake that nobody sees, or a sensor that jumps: a hill, however steep, comes in seconds.
 
-    A drive that answers more quickly than its model, as a fast gear may by two standard deviations, does more of what
-    it does, and sooner, but nothing in the other direction.
+    A drive that answers more quickly than it is believed, as a fast gear may, does more of what it does, and sooner,
+    but nothing in the other direction.
     """
     sudden = memory.suddenness
-    quicker = math.expm1(2.0 * seen.pace_std)
-    own_mps = max(settings.force_share * sudden.own_mps, quicker * sudden.same_mps)
+    own_mps = max(settings.force_share * sudden.own_mps, (seen.quicker - 1.0) * sudden.same_mps)
     return sudden.more_mps / (settings.force_mps + own_mps)
 
 

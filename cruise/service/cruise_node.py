@@ -16,7 +16,7 @@ from cruise.can.node import CanopenNode, NodeStatus
 from cruise.control.commissioning import Commissioning, CommissioningLimits, Experiment, Experiments, check
 from cruise.control.controller import Command, Controller
 from cruise.control.engagement import Engagement, ExitReason, State
-from cruise.control.plausibility import Plausibility, Seen
+from cruise.control.plausibility import QUICKER, Plausibility, Seen
 from cruise.control.situation import Situation
 from cruise.estimation.estimator import Learned
 from cruise.estimation.gate import Gate
@@ -270,7 +270,7 @@ class CruiseNode:
             expected_mps=controller.observer.expected_mps,
             unexpected_mps=controller.observer.unexpected_mps,
             coming_mps=controller.coming_mps if controls else (),
-            pace_std=controller.observer.pace_std,
+            quicker=controller.observer.quicker(QUICKER),
             alpha=self._alpha,
             crowding=self.hearing.crowding(frame.time_s),
             faulty_share=self.hearing.faulty_share(frame.time_s),

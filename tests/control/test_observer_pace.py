@@ -128,3 +128,12 @@ def test_a_drive_that_yields_more_is_followed_without_a_disturbance():
         assert abs(observer.innovation_mps) < 1e-9
     assert observer.log_pace == pytest.approx(0.0, abs=1e-9)
     assert observer.disturbance_mps == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("log_pace", "deviations", "quicker"), [(0.3, 1.0, 0.4), (-0.3, 1.0, 0.4), (-1.0, 1.0, 1.0), (-1.0, 3.0, 1.2)]
+)
+def test_what_is_believed_slow_may_always_be_as_quick_as_its_gear(log_pace, deviations, quicker):
+    observer = DisturbanceObserver(0.05, ObserverSettings())
+    observer.log_pace, observer.log_pace_variance = log_pace, 0.4**2
+    assert math.log(observer.quicker(deviations)) == pytest.approx(quicker)

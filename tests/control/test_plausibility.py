@@ -22,7 +22,7 @@ TRUE = Seen(
     expected_mps=-0.01,
     unexpected_mps=0.01,
     coming_mps=(-0.01,) * 8,
-    pace_std=0.0,
+    quicker=1.0,
     alpha=1.0,
     crowding=1.0,
     faulty_share=0.0,
@@ -248,7 +248,7 @@ def test_every_check_is_tried_above():
     }
 
 
-def quick(times: float, pace_std: float, more_mps2: float = 0.0) -> str:
+def quick(times: float, quicker: float, more_mps2: float = 0.0) -> str:
     """What is said of a drive that answers a command so many times as quickly as its model, and of another force.
 
     The command takes 1 m/s from the speed, by the model with a lag of 1.2 s.
@@ -265,7 +265,7 @@ def quick(times: float, pace_std: float, more_mps2: float = 0.0) -> str:
         true_mps += more_mps2 * FRAME_S if now_s > 3.0 else 0.0
         speed_mps += true_mps
         same = dict.fromkeys(("speed_mps", "radar_mps", "followed_mps"), speed_mps)
-        seen = replace(TRUE, time_s=now_s, wheel_mps=speed_mps + 0.05, **same, pace_std=pace_std)
+        seen = replace(TRUE, time_s=now_s, wheel_mps=speed_mps + 0.05, **same, quicker=quicker)
         moved = {"expected_mps": steps[0], "unexpected_mps": true_mps - steps[0], "coming_mps": tuple(steps[1:])}
         said.append(plausibility.step(replace(seen, **moved)))
     return next(filter(None, said), "")
@@ -273,10 +273,10 @@ def quick(times: float, pace_std: float, more_mps2: float = 0.0) -> str:
 
 def test_a_fast_gear_may_answer_three_times_as_quickly_as_its_model_but_not_the_other_way():
     force = "a force came at once, as no hill does"
-    assert quick(3.0, 0.0) == force
-    assert quick(3.0, 0.5) == ""
-    assert quick(0.8, 0.5) == ""
-    assert quick(1.0, 0.5, more_mps2=1.2) == force
+    assert quick(3.0, 1.0) == force
+    assert quick(3.0, 2.7) == ""
+    assert quick(0.8, 2.7) == ""
+    assert quick(1.0, 2.7, more_mps2=1.2) == force
 
 
 def swing_mps(time_s: float) -> float:

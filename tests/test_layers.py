@@ -13,6 +13,7 @@ FILES = sorted((ROOT / "cruise").rglob("*.py"))
 ROWS = (
     "signals",
     "units",
+    "usual_names",
     "settings",
     "sampling",
     "grid",

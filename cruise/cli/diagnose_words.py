@@ -37,6 +37,7 @@ from cruise.report.mapping import hints
 from cruise.validation.candidates import UNNAMED
 from cruise.validation.diagnose import SEED, Diagnosis, Verdict
 from cruise.validation.noise_floor import NoiseFloor
+from cruise.validation.numbers import numbers
 from cruise.validation.search import Judged
 from cruise.validation.tried import ENOUGH, FEW, LEAST_GAIN, MUCH, RESISTS, asked
 
@@ -108,7 +109,7 @@ def say(
         _print(console, f"and {count_of(len(notes) - NOTES_SHOWN, 'note')} more (--json has them all)", 0)
     for name, judged in _fits(found):
         _physics(console, name)
-        _parameters(console, evidence.numbers_of(name, evidence.numbers(found.study, judged)))
+        _parameters(console, evidence.numbers_of(name, numbers(found.study, judged)))
     _dependences(console, found)
     _moved(console, found)
     _steps(console, found)
@@ -162,7 +163,7 @@ def _moved(console: Console, found: Diagnosis) -> None:
     study = found.study
     if not evidence.rungs(found):
         return
-    changed = evidence.moved(evidence.numbers(study, found.base), evidence.numbers(study, found.final))
+    changed = evidence.moved(numbers(study, found.base), numbers(study, found.final))
     which = f" with {found.effects[0]}" if found.verdict is Verdict.AMBIGUOUS else ""
     table = _table(f"what moved in the rest of the model{which}", "parameter", "before", "±", "after", "±", "unit")
     for one in changed:

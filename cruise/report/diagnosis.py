@@ -13,6 +13,7 @@ from cruise.validation.candidates import MEDIATORS, UNNAMED
 from cruise.validation.confidence import FEWEST, in_moments
 from cruise.validation.dead_time import DeadTime
 from cruise.validation.diagnose import SEED, Diagnosis, Verdict
+from cruise.validation.numbers import numbers
 from cruise.validation.search import Judged, sureness
 from cruise.validation.tried import LEAST_GAIN, LOOSE, Tried, step_of, tried_in
 from cruise.validation.unnamed import RestCurrent
@@ -274,7 +275,7 @@ def hidden(found: Diagnosis) -> list[str]:
         if trial is None:
             continue
         size = float(np.sqrt(np.nanmean((found.base.fit.error_mps - trial.judged.fit.error_mps) ** 2)))
-        fitted = evidence.numbers_of(one.effect, evidence.numbers(found.study, trial.judged))
+        fitted = evidence.numbers_of(one.effect, numbers(found.study, trial.judged))
         shape = ", ".join(map(_with_error, fitted))
         said.append(f"`{one.effect}` at its best fit moves it by {figure(size)} m/s ({shape})")
     return said

@@ -10,6 +10,7 @@ from cruise.report.evidence import Number
 from cruise.report.plain import plain
 from cruise.validation.candidates import UNNAMED
 from cruise.validation.diagnose import SEED, Diagnosis
+from cruise.validation.numbers import numbers
 from cruise.validation.tried import tried_in
 
 CURVE_SHOWN: Final = 9  # points of a curve
@@ -18,7 +19,7 @@ CURVE_SHOWN: Final = 9  # points of a curve
 def report(found: Diagnosis, model: str, structure: str) -> dict[str, Any]:
     """The verdict as the design has it, then what it rests on; what is no number is null, so that it is JSON."""
     final, base = found.final, found.base
-    numbers = evidence.numbers(found.study, final)
+    fitted = numbers(found.study, final)
     return {
         "verdict": found.verdict.value,
         "effects": list(found.effects),
@@ -52,7 +53,7 @@ def report(found: Diagnosis, model: str, structure: str) -> dict[str, Any]:
         "notes": notes_of(found.study.recordings),
         "refused": [{"effect": one.effect, "reason": one.reason} for one in found.refused],
         "parameters": {
-            name: [_figures(one) for one in evidence.numbers_of(name, numbers)]
+            name: [_figures(one) for one in evidence.numbers_of(name, fitted)]
             for name in evidence.members(final.explanation)
             if name not in evidence.members(base.explanation) and not name.startswith(UNNAMED)
         },
@@ -76,7 +77,7 @@ def report(found: Diagnosis, model: str, structure: str) -> dict[str, Any]:
                 "after": plain(one.after.value),
                 "after_standard_error": plain(one.after.std),
             }
-            for one in evidence.moved(evidence.numbers(found.study, base), numbers)
+            for one in evidence.moved(numbers(found.study, base), fitted)
         ],
         "steps": [
             {

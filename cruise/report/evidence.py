@@ -14,7 +14,6 @@ from cruise.validation.diagnose import Diagnosis, Verdict
 from cruise.validation.explanation import Explanation
 from cruise.validation.noise_floor import NoiseFloor, noise_floor
 from cruise.validation.numbers import Number
-from cruise.validation.numbers import numbers as numbers
 from cruise.validation.search import Judged
 from cruise.validation.tried import Tried, tried_in
 from cruise.validation.unnamed import RestCurrent

@@ -12,6 +12,7 @@ from cruise.report.diagnosis import figure
 from cruise.report.effect import physics, what
 from cruise.validation.candidates import UNNAMED
 from cruise.validation.diagnose import Diagnosis, Verdict
+from cruise.validation.numbers import numbers
 from cruise.validation.search import Judged
 from cruise.validation.tried import Tried, step_of, tried_in
 from cruise.workbench.found import Card, Curve, Minute, Number, Signature
@@ -47,7 +48,7 @@ def card(found: Diagnosis, tried: Tried) -> Card:
     about = EFFECTS[name].about if listed else None
     chosen = name in found.effects or signal in found.signals
     fit = evidence.fit_of(found, name, after)
-    fitted = evidence.numbers_of(name, evidence.numbers(found.study, fit))
+    fitted = evidence.numbers_of(name, numbers(found.study, fit))
     one_of_several = len(found.effects) > 1 and name in found.effects and fit is found.final
     alike = [one.replace("`", "") for one in diagnosis.look_alikes(found) if one.startswith(f"`{name}`")]
     return Card(

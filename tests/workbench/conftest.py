@@ -1,9 +1,12 @@
-"""The workbench as it is used: served by the verb itself, walked through in a real browser."""
+"""The workbench as it is used, served by the verb itself and walked through in a real browser; and without one."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+
+from cruise.cli.places import CONFIG
 
 LAID_OUT = Path(__file__).with_name("laid_out.js").read_text()
 WIDTHS = (1440, 1024, 768, 390)
@@ -82,3 +85,57 @@ def laid_out(page) -> None:
 
 def _ours(url: str, server: str) -> bool:
     return url.startswith((server, server.replace("http:", "ws:"), "data:", "blob:"))
+
+
+def quiet(text: str, part: object = None) -> None:
+    """Nobody listens."""
+
+
+@pytest.fixture(scope="package")
+def recording():
+    """Four minutes of the drive with the hidden slope."""
+    pytest.importorskip("nicegui", reason="the extra workbench is not installed")
+    from cruise.workbench.examples import EXAMPLES, drive
+
+    return drive(replace(EXAMPLES[0], seconds=240.0))
+
+
+@pytest.fixture(scope="package")
+def begun(recording):
+    """The model before."""
+    from cruise.workbench.found import Question
+    from cruise.workbench.session import MODEL
+    from cruise.workbench.verbs import compared
+
+    return compared([recording], Question(MODEL), quiet)
+
+
+@pytest.fixture(scope="package")
+def better(recording, tmp_path_factory):
+    """The model with the slope."""
+    from cruise.workbench.found import Question
+    from cruise.workbench.session import MODEL
+    from cruise.workbench.verbs import added
+
+    return added([recording], Question(MODEL), "grade", tmp_path_factory.mktemp("models") / "better.yaml", quiet)
+
+
+@pytest.fixture
+def session(recording, begun, better, tmp_path):
+    """A session in which the slope was added."""
+    from cruise.service.recordings import ReadingSettings
+    from cruise.workbench.found import Opened, Question, Source
+    from cruise.workbench.session import MODEL, Session, Step
+    from cruise.workbench.setup import Setup
+
+    one = Session(Setup(ReadingSettings(), CONFIG, tmp_path))
+    source = Source((Path("monday's drive.csv"),), ReadingSettings(), "<b>monday</b>")
+    one.opened = Opened(source, (recording,), ())
+    one.steps = [
+        Step(MODEL, Question(MODEL), begun),
+        Step("+ grade", Question(str(better.path)), better.compared, better),
+    ]
+    one.at = 1
+    yield one
+    one.close()
+    assert not one.folder.exists()

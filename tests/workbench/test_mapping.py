@@ -22,7 +22,8 @@ from cruise.columns import ColumnSettings
 from cruise.service.recordings import ReadingSettings, read_recording
 from cruise.service.recordings.names import names_in
 from cruise.signals import CONTEXT, INPUT, OUTPUT
-from cruise.workbench.views.mapping import AS_IT_IS, AS_SET, TIME, USUAL, _choice, guessed, known, reading_of
+from cruise.usual_names import TIME, USUAL, guessed
+from cruise.workbench.views.mapping import AS_IT_IS, AS_SET, _choice, known, reading_of
 
 
 def test_columns_are_guessed_and_meant():

@@ -1,8 +1,6 @@
 """What the columns of a file mean, where they are not named as cruise names them."""
 
-import difflib
 import math
-import re
 from typing import Any, Final
 
 from msgspec.structs import replace
@@ -11,32 +9,12 @@ from nicegui import ui
 from cruise.columns import ColumnSettings
 from cruise.service.recordings import TABLES, ReadingSettings
 from cruise.signals import INPUT, OUTPUT, SIGNALS
-from cruise.units import UNITS, apart, bracketed, spelt
+from cruise.units import UNITS, bracketed, spelt
+from cruise.usual_names import TIME, guessed, unit_of, units_of
 from cruise.workbench.found import Asked, Source
 from cruise.workbench.page import Page
 from cruise.workbench.parts import card, labelled
 
-TIME: Final = "time_s"
-USUAL: Final[dict[str, tuple[str, ...]]] = {
-    TIME: ("time", "time stamp", "timestamp", "t"),
-    INPUT: ("pump current", "pump i", "solenoid current", "valve current", "current", "i"),
-    OUTPUT: ("ground speed", "vehicle speed", "gps speed", "radar speed", "vehicle v", "gps v", "speed", "v"),
-    "wheel_speed_mps": ("wheel speed", "wheel v"),
-    "engine_speed_rpm": ("engine speed", "engine rpm", "engine n", "rpm", "n"),
-    "gear": ("actual gear", "gear"),
-    "pitch_deg": ("pitch angle", "slope angle", "pitch", "slope", "incline"),
-    "machine_mass_kg": ("machine mass", "vehicle mass", "mass", "weight"),
-    "oil_temperature_c": ("oil temperature", "oil t", "temperature"),
-    "engine_load_pct": ("engine load", "load"),
-    "line_pressure_bar": ("line pressure", "pressure"),
-}
-"""What columns are usually called: a word of its own is the whole name, several are among those of the name."""
-SHORT: Final = {
-    "eng": "engine", "motor": "engine", "temp": "temperature", "spd": "speed", "velocity": "speed", "veh": "vehicle",
-    "curr": "current", "press": "pressure",
-}  # fmt: skip
-WANTED: Final = frozenset({"command", "cmd", "setpoint", "set", "target", "desired", "requested", "reference", "ref"})
-"""Words of what somebody asks for, which is not what was measured."""
 BY_SIZE: Final = ("%", "share")  # of a table's current: its reader sees which, and says so
 AS_IT_IS: Final = "leave as it is"
 AS_SET: Final = "as set"  # scale and offset of the settings, which are those of no unit here
@@ -89,13 +67,13 @@ def _choice(name: str, meanings: list[str], value: str, in_unit: str) -> tuple[A
         meaning = ui.select([AS_IT_IS, *meanings], value=value)
         labelled(meaning.props("outlined dense options-dense").style("width:240px"), f"meaning of {name}")
     with ui.element("td").classes("words"):
-        units = _units(value)
+        units = units_of(value)
         units = [*units, AS_SET] if in_unit == AS_SET else units
         unit = ui.select(units, value=in_unit if in_unit in units else units[0])
         labelled(unit.props("outlined dense options-dense").style("width:110px"), f"unit of {name}")
         meaning.on_value_change(
             lambda event: unit.set_options(
-                _units(event.value), value=spelt(name, _unit_of(event.value)) or _units(event.value)[0]
+                units_of(event.value), value=spelt(name, unit_of(event.value)) or units_of(event.value)[0]
             )
         )
     return meaning, unit
@@ -115,17 +93,11 @@ def known(reading: ReadingSettings, names: list[str], meanings: list[str]) -> di
     return found | {name: (meaning, _unit_by(name, meaning, None)) for name, meaning in rest.items()}
 
 
-def _words(name: str) -> set[str]:
-    """The words of a name without its unit, written out."""
-    bare = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", apart(name)[0])
-    return {SHORT.get(one, one) for one in re.split(r"[\W_]+", bare.lower()) if one}
-
-
 def _unit_by(name: str, meaning: str, said: ColumnSettings | None) -> str:
     """The unit that has this scale and offset; where none was said, that of the name."""
     if said is None:
-        return spelt(name, _unit_of(meaning)) or (AS_SET if meaning == INPUT else _units(meaning)[0])
-    units = UNITS.get(_unit_of(meaning), {_units(meaning)[0]: (1.0, 0.0)})
+        return spelt(name, unit_of(meaning)) or (AS_SET if meaning == INPUT else units_of(meaning)[0])
+    units = UNITS.get(unit_of(meaning), {units_of(meaning)[0]: (1.0, 0.0)})
     for unit, (scale, offset) in units.items():
         if math.isclose(scale, said.scale, rel_tol=SAME) and math.isclose(offset, said.offset, rel_tol=SAME):
             return unit
@@ -146,7 +118,7 @@ def reading_of(usual: ReadingSettings, meant: dict[str, tuple[str, str]]) -> Rea
     }
     for meaning, column in named.items():
         unit, said = meant[column][1], usual.columns.get(column)
-        scale, offset = UNITS.get(_unit_of(meaning), {}).get(unit, (1.0, 0.0))
+        scale, offset = UNITS.get(unit_of(meaning), {}).get(unit, (1.0, 0.0))
         by_size = meaning == INPUT and unit in BY_SIZE and TIME in named
         another = bracketed(column) and spelt(column, "mA") not in ("", unit)  # that its name says
         if (unit == AS_SET and said is None) or (by_size and not another):
@@ -167,39 +139,5 @@ def reading_of(usual: ReadingSettings, meant: dict[str, tuple[str, str]]) -> Rea
     )
 
 
-def guessed(names: list[str], meanings: list[str]) -> dict[str, str]:
-    """What each column may be by its name alone, its own or a usual one or one nearly spelt so; each meaning once."""
-    found = {name: name for name in names if name in meanings}
-    usual = [(set(said.split()), meaning) for meaning, all_said in USUAL.items() for said in all_said]
-    for said, meaning in sorted(usual, key=lambda one: -len(one[0])):
-        for name in names:
-            taken = name in found or meaning in found.values() or meaning not in meanings
-            if not taken and _called(name, said) and apart(name)[1] in ("", *_units(meaning)):
-                found[name] = meaning
-    for meaning in meanings:
-        free = [name for name in names if name not in found and name not in SIGNALS]
-        alike = difflib.get_close_matches(meaning, free, n=1, cutoff=0.75)
-        if alike and meaning not in found.values():
-            found[alike[0]] = meaning
-    return found
-
-
-def _called(name: str, said: set[str]) -> bool:
-    """Whether a column has this usual name, and is no column of cruise's own and nothing that somebody asks for."""
-    words = _words(name)
-    if name in SIGNALS or words & WANTED:
-        return False
-    return said == words if len(said) == 1 else said <= words
-
-
 def _offered(signal: str | None) -> bool:
     return signal is not None and not signal.startswith(LEAVING_OUT)
-
-
-def _unit_of(meaning: str) -> str:
-    return "s" if meaning == TIME else SIGNALS[meaning].unit if meaning in SIGNALS else ""
-
-
-def _units(meaning: str) -> list[str]:
-    unit = _unit_of(meaning)
-    return list(UNITS.get(unit, {unit or "-": (1.0, 0.0)}))

@@ -14,7 +14,7 @@ from cruise.effects import EFFECTS, Stage
 from cruise.recording import Recording
 from cruise.report import diagnosis, diagnosis_picture, evidence
 from cruise.report.diagnosis_figures import report
-from cruise.report.mapping import WORDS, hints, likeliest
+from cruise.report.mapping import hints
 from cruise.signals import INPUT
 from cruise.validation.candidates import Refused
 from cruise.validation.diagnose import Diagnosis
@@ -126,21 +126,6 @@ def test_a_column_that_may_be_what_an_effect_lacked_is_said_to(hills, capsys):
     assert len(hints(beside)) == 1
     assert hints(replace(found, signals=("header_height",))) == []
     assert hints(replace(found, refused=())) == hints(hills) == []
-
-
-@pytest.mark.parametrize(
-    ("column", "signal"),
-    [
-        ("EngSpeed [rpm]", "engine_speed_rpm"),
-        ("EngLoad", "engine_load_pct"),
-        ("T_oil [degC]", "oil_temperature_c"),
-        ("WheelBasedSpeed", "wheel_speed_mps"),
-        ("HST_Pressure", "line_pressure_bar"),
-        ("header_height", ""),
-    ],
-)
-def test_what_a_column_may_be_by_its_name(column, signal):
-    assert likeliest(column, WORDS) == signal
 
 
 def test_what_can_not_be_told_apart_comes_with_every_experiment(hills, capsys):

@@ -11,6 +11,7 @@ from cruise.report import diagnosis, diagnosis_picture, evidence
 from cruise.report.curve import Curve, curve
 from cruise.report.evidence import Number
 from cruise.validation.diagnose import Diagnosis
+from cruise.validation.numbers import numbers
 from cruise.validation.study import study
 from cruise.workbench import cards
 from tests.cli.diagnose.drives import FLOOR, GAIN, MODEL, PULL, ambiguous, drive, unlisted
@@ -19,7 +20,7 @@ from tests.cli.diagnose.drives import FLOOR, GAIN, MODEL, PULL, ambiguous, drive
 def test_the_curve_of_an_effect_is_its_own_code_with_its_uncertainty(hills):
     drawn = curve(hills.study, hills.base, hills.final, "grade")
     assert (drawn.x_name, drawn.x_unit) == ("pitch_deg", "deg")
-    load = next(one for one in evidence.numbers(hills.study, hills.final) if one.name == "load")
+    load = next(one for one in numbers(hills.study, hills.final) if one.name == "load")
     wanted = -load.value * 9.81 * np.sin(np.radians(drawn.x))
     assert drawn.y == pytest.approx(wanted, abs=1e-9)
     assert drawn.std is not None
@@ -42,7 +43,7 @@ def later(hills) -> Diagnosis:
 
 
 def test_text_picture_and_page_show_an_effect_as_the_final_model_has_it(later):
-    (load,) = (one for one in evidence.numbers(later.study, later.final) if one.name == "load")
+    (load,) = (one for one in numbers(later.study, later.final) if one.name == "load")
     grade = evidence.first_tried(later, "grade")
     assert grade is not None
     card = cards.card(later, grade)
@@ -59,7 +60,7 @@ def test_text_picture_and_page_show_an_effect_as_the_final_model_has_it(later):
 def test_what_the_final_model_does_not_hold_is_shown_as_it_was_tried(hills):
     friction = evidence.first_tried(hills, "coulomb_friction")
     assert friction is not None
-    tried = evidence.numbers_of(friction.name, evidence.numbers(hills.study, friction.judged))
+    tried = evidence.numbers_of(friction.name, numbers(hills.study, friction.judged))
     assert [one.value for one in cards.card(hills, friction).numbers] == [diagnosis.figure(one.value) for one in tried]
     both = ambiguous(hills)
     assert evidence.fit_of(both, friction.name, friction.judged) is friction.judged

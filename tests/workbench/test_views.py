@@ -1,0 +1,116 @@
+"""What a view says and does with what was found, without a browser."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("nicegui", reason="the extra workbench is not installed")
+
+from nicegui import Client, ui
+from nicegui.page import page
+
+from cruise.effects import Stage
+from cruise.model.files import CustomTerm
+from cruise.workbench import commands
+from cruise.workbench.found import Card, Diagnosed, Minute, Question, Signature
+from cruise.workbench.live import Live
+from cruise.workbench.page import Page
+from cruise.workbench.session import MODEL
+from cruise.workbench.verbs import added
+from cruise.workbench.views import adding, failing, missing, taking
+from tests.workbench.conftest import quiet
+
+
+def shown(view, session) -> list:
+    """The elements of a view."""
+    with Client(page(""), request=None) as client:
+        view.show(Page(session, session.setup, Live(), client))
+        return list(client.elements.values())
+
+
+def test_another_stage_leaves_what_was_typed(session):
+    elements = shown(adding, session)
+    stage = next(one for one in elements if isinstance(one, ui.select) and Stage.LOAD in one.options)
+    text = next(one for one in elements if isinstance(one, ui.input) and one.value in adding.EXAMPLE.values())
+    stage.set_value(Stage.LOAD)
+    assert text.value == adding.EXAMPLE[Stage.LOAD]
+    text.set_value("tanh(speed_mps)")
+    stage.set_value(Stage.GAIN)
+    assert text.value == "tanh(speed_mps)"
+
+
+def test_the_example_of_a_load_has_no_coefficient_beside_the_loads_own(recording, tmp_path):
+    term = CustomTerm(name="hill", stage=Stage.LOAD, expression=adding.EXAMPLE[Stage.LOAD])
+    found = added([recording], Question(MODEL), term, tmp_path / "hill.yaml", quiet)
+    told = [one for one in found.parameters if one.name.startswith("hill.")]
+    assert [one.name for one in told] == ["hill.load"]
+    assert 0.0 < told[0].std < 0.1 * abs(told[0].after)
+
+
+def diagnosed_as(verdict: str, *effects: str) -> Diagnosed:
+    """A diagnosis that named these, with little behind it."""
+    x = np.linspace(0.0, 1.0, 5)
+    one = Signature((x, x, x, x), (x, x, x, x))
+    cards = tuple(
+        Card(
+            effect=name, headline="", physics="", equation="", confidence_words="", error_before_mps=0.2,
+            error_after_mps=0.1, gain=0.5, sureness=3.0, counts=1.0, step=place, chosen=True, worth_adding=True,
+            listed=True, numbers=(), look_alikes=(), experiment="", signature=one, curve=None,
+        )
+        for place, name in enumerate(effects, 1)
+    )  # fmt: skip
+    return Diagnosed(
+        horizon_s=3.0, verdict=verdict, explained=True, effects=effects, signals=(), sentence="", next_experiment=(),
+        hints=(), discounted="", late="", hidden_mps=0.01, cards=cards, others=(), refused=(), error_before_mps=0.2,
+        error_after_mps=0.1, floor_mps=(0.01, 0.02), minute=Minute(x, x, x, x, ""), picture=b"",
+    )  # fmt: skip
+
+
+def test_what_was_found_beside_what_was_added_is_still_said(session, better):
+    session.steps[0].diagnosed = diagnosed_as("missing", "grade", "dead_zone")
+    assert session.found_before == ("dead_zone",)
+    buttons = [one.props["data-add"] for one in shown(missing, session) if "data-add" in one.props]
+    assert buttons == ["dead_zone"]
+    session.undo()
+    assert session.found_before == (), "the search itself is shown there"
+    session.redo()
+    session.steps[1].added = replace(better, effect="my_term")
+    assert session.found_before == (), "nobody searched beside it"
+    session.steps[1].added = better
+    session.steps[0].diagnosed = diagnosed_as("ambiguous", "grade", "dead_zone")
+    assert session.found_before == (), "only one of them is missing"
+
+
+def test_the_headline_counts_what_is_missing(session):
+    session.undo()
+    for effects, headline in ((("grade",), "and it is this one"), (("grade", "dead_zone"), "and it is these")):
+        session.steps[0].diagnosed = diagnosed_as("missing", *effects)
+        assert any(headline in str(getattr(one, "text", "")) for one in shown(missing, session))
+
+
+def test_a_column_that_may_be_known_is_said(session):
+    session.undo()
+    hint = "if Slope [%] is pitch_deg, a line of the file of columns says so; then grade can be tried"
+    session.steps[0].diagnosed = replace(diagnosed_as("unlisted"), hints=(hint,))
+    assert any("If Slope [%] is pitch_deg" in str(getattr(one, "text", "")) for one in shown(missing, session))
+
+
+def test_a_model_that_errs_more_is_none_to_drive_with(session, better):
+    assert commands.lines(session)[-1].startswith("cruise run")
+    session.steps[1].added = replace(better, error_before_mps=0.0856, error_after_mps=0.619)
+    lines = commands.lines(session)
+    assert not any("cruise run" in line for line in lines)
+    assert lines[-1].startswith("# + grade did not lower the held-out error, 0.0856 before and 0.619 m/s now")
+    words = " ".join(str(getattr(one, "text", "")) for one in shown(taking, session))
+    assert "0.0856 before and 0.619 m/s now: drive with the model before it." in words
+    assert "estimator and controller run" not in words
+
+
+def test_the_colours_of_the_heat_map_begin_at_no_error(session):
+    figure = next(
+        one._props["options"] for one in shown(failing, session)
+        if isinstance(one, ui.plotly) and one._props["options"]["data"][0]["type"] == "heatmap"
+    )  # fmt: skip
+    (heat,) = figure["data"]
+    assert (heat["zmin"], heat["zmax"]) == (0.0, np.nanmax(heat["z"]))

@@ -8,8 +8,9 @@ the 3 s next to it, so that no error foretells itself; lambda a tenth of what a 
 stands still, nothing is said. s a recorded signal that the drive itself does not move, such as the engine's speed, a
 and b by least squares over the other blocks of time: it names what the dead time changes with, and may change quicker
 than the windows see. Noise and soil have no share in the change of speed that lasts so long, and a wrong but constant
-delay is the fit's to mend. Source: first-order term of v(t - theta); C. H. Knapp, G. C. Carter, IEEE Trans. Acoustics,
-Speech, and Signal Processing 24 (1976) 320-327, on delays by correlation.
+delay is the fit's to mend; one that changes by hundredths of a second is another shape of step than the model's.
+Source: first-order term of v(t - theta); C. H. Knapp, G. C. Carter, IEEE Trans. Acoustics, Speech, and Signal
+Processing 24 (1976) 320-327, on delays by correlation.
 """
 
 import math
@@ -27,6 +28,7 @@ GAP_S: Final = 3.0  # s of it left out on either side: errors are like those bes
 LEAST_MOVED: Final = 0.1  # of the mean square change of speed, lambda
 SHARE: Final = 0.15  # of the squared error: where it changed 0.36 to 0.82 in six drives of seven, else at most 0.03
 BY_SIGNAL: Final = 0.3  # likewise, by a signal, beyond a constant: 0.69 to 0.88 in three, else at most 0.12 in 60
+RESOLVED: Final = 0.25  # of a sample's period: what changes by less may be the shape of a step as well
 FOLDS: Final = 5  # of the blocks of time
 NO_BLOCKS: Final = np.zeros(0, dtype=int)
 RANGE_PCT: Final = (5.0, 95.0)  # percentiles between which theta is said to lie, by what the change of speed says of it
@@ -75,9 +77,9 @@ def dead_time(
     found = DeadTime(share, *_range(shift, change))
     told = [_by_signal(name, one, error, change, blocks % FOLDS) for name, one in signals.items()]
     best = max(told, key=lambda one: one.share, default=found)
-    if best.share < BY_SIGNAL:
-        return found
-    return best if best.share >= found.share else replace(found, signal=best.signal)
+    if best.share >= BY_SIGNAL:
+        found = best if best.share >= found.share else replace(found, signal=best.signal)
+    return found if found.late_s - found.early_s >= RESOLVED * period_s else DeadTime()
 
 
 def _range(shift_s: np.ndarray, change_mps2: np.ndarray) -> tuple[float, float]:

@@ -66,6 +66,12 @@ def test_little_of_it_is_not_worth_a_word():
     assert dead_time(late(-0.02, 0.02, 40.0) + noise(1), SPEED_MPS, WHOLE, PERIOD_S).much < 1.0
 
 
+def test_less_than_samples_can_show_is_none_though_it_is_all_that_is_left():
+    """Steps of another shape than the model's look like it: hundredths of a second now earlier, now later."""
+    assert dead_time(late(-0.01, 0.02, 40.0), SPEED_MPS, WHOLE, PERIOD_S).much == 0.0
+    assert dead_time(late(-0.05, 0.05, 40.0), SPEED_MPS, WHOLE, PERIOD_S).much > 1.0
+
+
 def test_recordings_are_looked_at_one_by_one():
     """Two halves of opposite delay: taken as one recording, the windows at the seam would be both."""
     halves = [slice(0, COUNT // 2), slice(COUNT // 2, COUNT)]

@@ -14,7 +14,7 @@ from cruise.can.codec import Codec
 from cruise.can.frame import Frame
 from cruise.can.node import CanopenNode, NodeStatus
 from cruise.control.commissioning import Commissioning, CommissioningLimits, Experiment, Experiments, check
-from cruise.control.controller import Command, Controller
+from cruise.control.controller import NEUTRAL, Command, Controller
 from cruise.control.engagement import Engagement, ExitReason, State
 from cruise.control.plausibility import QUICKER, Plausibility, Seen
 from cruise.control.situation import Situation
@@ -103,7 +103,7 @@ class CruiseNode:
         self.speed_every = max(round(SPEED_PERIOD_S / self.period_s), 1)
         self.sample: Sample | None = None
         self.learned = Learned(math.nan, math.nan, Gate.WARMING_UP)
-        self.command = Command(0.0, math.nan, math.nan, "")
+        self.command = NEUTRAL
         self.healthy = True
         self.missing: tuple[str, ...] = self.needed
 
@@ -175,10 +175,10 @@ class CruiseNode:
         return frames
 
     def stop(self, now_s: float) -> list[Frame]:
-        """The last frames: released, neutral. It does not engage after this."""
+        """The last frames: released, neutral, whatever the law would say. It does not engage after this."""
         self.engagement.step(replace(self._situation(now_s), enable=False))
         self.healthy = False
-        self.command = self.controller.step(self._frame(now_s), None)
+        self.command = NEUTRAL
         self.commissioning.end(now_s)
         return self._frames(now_s, speed=True)
 

@@ -117,6 +117,7 @@ class Daemon:
             self.bus.close()
             garbage.close()
             if self.chronicle is not None:
+                self.notifier.ended()
                 self.chronicle.close()
 
     def _look_after(self, now_s: float) -> None:
@@ -224,12 +225,15 @@ class Daemon:
         return (*self.node.hearing.codec.filters, *FILTERS, *(canopen.filters if canopen is not None else ()))
 
     def _state_file(self) -> StateFile | None:
-        """Where the runs before left their state, if it is kept."""
+        """Where the runs before left their state, if it is kept. Raises SettingsError where there is no such place."""
         kept = self.settings.persistence
         if kept is None:
             return None
         folder = Path(os.environ.get("STATE_DIRECTORY", kept.folder))
-        folder.mkdir(parents=True, exist_ok=True)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise SettingsError(f"persistence.folder: {folder} cannot be made: {error.strerror}") from error
         return StateFile(folder / "state", kept.machine, fingerprint(self.node.estimator.factory))
 
     def _kept(self, file: StateFile | None) -> tuple[Kept | None, Keeper | None]:

@@ -9,7 +9,7 @@ import socket
 from collections.abc import Mapping
 from typing import Self
 
-RELOAD_S = 10.0  # s that a reload may take before the watchdog ends it
+RELOAD_S = 10.0  # s that the end of a run, or a reload, may take before the watchdog ends it
 WATCHDOG_SHARE = 0.25  # of the time that systemd allows between two signs of life
 
 
@@ -47,6 +47,10 @@ class Notifier:
         """It serves from now on."""
         self.tell("READY=1", *self._watch(self._watchdog_s))
         self._next_s = 0.0  # a loop begins with a clock of its own
+
+    def ended(self) -> None:
+        """Its loop has ended: the watchdog waits until what is kept has been written, however slow the disk is."""
+        self.tell("STATUS=writing down what is kept", *self._watch(RELOAD_S))
 
     def reloading(self) -> None:
         """It reads its settings again: the watchdog waits until it is ready."""

@@ -4,6 +4,7 @@ import os
 import socket
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from cruise.can.codec import Codec
 from cruise.can.error_frames import BusHealth
 from cruise.can.settings import CanSettings
 from cruise.cli.places import CONFIG
+from cruise.control.controller import Command
 from cruise.control.engagement import State
 from cruise.estimation.shadow import Shadow
 from cruise.estimation.supervision import Change, Decision
@@ -21,7 +23,7 @@ from cruise.model import files
 from cruise.model.files import Provenance
 from cruise.service import settings as service_settings
 from cruise.service.daemon import Daemon
-from cruise.service.notify import Notifier
+from cruise.service.notify import RELOAD_S, Notifier
 from cruise.service.persistence import PersistenceSettings
 from cruise.service.settings import CruiseSettings
 from cruise.settings import SettingsError
@@ -214,6 +216,15 @@ def test_settings_that_the_file_no_longer_agrees_with_are_said_once(settings: Cr
     second.bus.close()
 
 
+def test_a_folder_that_cannot_be_made_is_a_mistake_in_the_settings(
+    settings: CruiseSettings, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.delenv("STATE_DIRECTORY")
+    kept = PersistenceSettings(machine="A1", folder="/proc/kept")
+    with pytest.raises(SettingsError, match="/proc/kept cannot be made"):
+        Daemon(structs.replace(settings, persistence=kept), Notifier(""), print)
+
+
 def test_a_run_after_a_bad_file_goes_on_with_a_node_that_lives(settings: CruiseSettings):
     first = Daemon(settings, Notifier(""), print, reload=lambda: None)
     run(first, 40)
@@ -259,6 +270,36 @@ def test_the_last_word_is_neutral_even_after_an_error(settings: CruiseSettings):
         with pytest.raises(RuntimeError, match="on purpose"):
             run(Daemon(settings, Notifier(""), print), 10, fail)
         assert last_command(far, settings) == {"pump_current_command_ma": 0.0, "command_active": 0.0}
+
+
+def test_the_last_word_is_neutral_even_where_the_law_fails(settings: CruiseSettings, monkeypatch: pytest.MonkeyPatch):
+    daemon = Daemon(settings, Notifier(""), print)
+    law, steps = daemon.node.controller.step, []
+
+    def step(*arguments: Any, **named: Any) -> Command:
+        daemon.node.engagement.state = State.ENGAGED
+        steps.append(arguments)
+        if len(steps) > 5:
+            raise RuntimeError("on purpose")
+        return law(*arguments, **named)
+
+    monkeypatch.setattr(daemon.node.controller, "step", step)
+    with open_bus(settings.can) as far:
+        with pytest.raises(RuntimeError, match="on purpose"):
+            run(daemon, 10)
+        assert last_command(far, settings) == {"pump_current_command_ma": 0.0, "command_active": 0.0}
+
+
+def test_the_watchdog_waits_for_the_disk_when_the_loop_has_ended(
+    settings: CruiseSettings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    told: list[str] = []
+    notifier = Notifier(str(tmp_path / "notify"), watchdog_s=0.5)
+    monkeypatch.setattr(notifier, "tell", lambda *lines: told.extend(lines))
+    daemon = Daemon(settings, notifier, print)
+    monkeypatch.setattr(daemon.chronicle, "close", lambda: told.append("written"))
+    run(daemon, 3)
+    assert told[-2:] == [f"WATCHDOG_USEC={1e6 * RELOAD_S:.0f}", "written"]
 
 
 def test_statistics_and_parameters_are_there_at_the_next_start(settings: CruiseSettings):

@@ -1,4 +1,4 @@
-"""Our address on the J1939 bus: claimed at the start, defended against larger names, given up to smaller ones.
+"""Our address on the J1939 bus: claimed once there is one, defended against larger names, given up to smaller ones.
 
     NAME = arbitrary << 63 | industry << 60 | system instance << 56 | system << 49 | function << 40
            | function instance << 35 | ECU instance << 32 | manufacturer << 21 | identity
@@ -51,6 +51,10 @@ class AddressClaim:
 
     def __init__(self, address: int, name: int) -> None:
         self.address, self.name = address, name
+        self.begin()
+
+    def begin(self) -> None:
+        """Claim it, on a bus that has not heard of it yet."""
         self.claim = Claim.WAITING
         self._due_s: float | None = -1.0  # when a claim, or that there is none, is to be sent
         self._usable_s = 0.0

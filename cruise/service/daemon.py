@@ -15,7 +15,7 @@ from typing import Any, Literal
 import msgspec
 
 from cruise import settings as strict
-from cruise.can.bus import Filter, PatientBus, open_bus
+from cruise.can.bus import Bus, Filter, PatientBus, open_bus
 from cruise.can.error_frames import BusHealth
 from cruise.can.node_texts import NodeTexts
 from cruise.estimation.supervision import Decision
@@ -85,7 +85,7 @@ class Daemon:
             self.chronicle = Chronicle(self.node, settings.persistence, state, keeper)
         self.bus = PatientBus(
             settings.can.channel,
-            lambda: open_bus(settings.can, filters=self._filters()),
+            self._opened,
             at_once=again is None and not notifier.listened_to,
         )
         self._health = self.bus.health
@@ -219,6 +219,12 @@ class Daemon:
         except (msgspec.ValidationError, ValueError, ArithmeticError) as error:
             raise SettingsError(f"object 2F00h: {error}; the settings stay as they were") from error
         return settings, fresh
+
+    def _opened(self) -> Bus:
+        """The bus, whenever it is there; who is on it shall hear whose address is whose before anything else."""
+        bus = open_bus(self.settings.can, filters=self._filters())
+        self.station.begin()
+        return bus
 
     def _filters(self) -> tuple[Filter, ...]:
         canopen = self.node.canopen

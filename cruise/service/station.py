@@ -33,6 +33,11 @@ class Station:
         """Whether another one has it."""
         return self.address is not None and self.address.claim is Claim.LOST
 
+    def begin(self) -> None:
+        """There is a bus, which has heard nothing of us."""
+        if self.address is not None:
+            self.address.begin()
+
     def receive(self, frame: Frame) -> list[Frame]:
         """Take one frame in; returns the answer of the CANopen node, which has an address of its own."""
         if self.address is not None:

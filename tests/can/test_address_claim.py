@@ -54,6 +54,16 @@ def test_an_address_that_anybody_may_take_counts_after_a_quarter_of_a_second():
     assert end.claim is Claim.HELD
 
 
+def test_on_another_bus_it_is_claimed_anew_even_where_it_was_lost():
+    end = held()
+    end.receive(claimed(0x11, NAME - 1))
+    assert end.claim is Claim.LOST
+    end.begin()
+    assert sent(end, 5.0) == [(0x18EEFF11, NAME)]
+    assert sent(end, 5.05) == []
+    assert end.claim is Claim.HELD
+
+
 @pytest.mark.parametrize("destination", [0xFF, 0x11])
 def test_a_request_is_answered(destination: int):
     end = held()

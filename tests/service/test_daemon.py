@@ -92,6 +92,33 @@ def test_under_systemd_an_interface_that_comes_late_is_waited_for(settings: Crui
     assert len(said) == 1
 
 
+def test_on_a_bus_that_comes_late_or_again_the_address_is_claimed_before_anything_is_said(
+    settings: CruiseSettings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    def comes_late(*_: object, **__: object) -> Bus:
+        tries.append(None)
+        if len(tries) < 3:
+            raise SettingsError("no such interface")
+        return open_bus(settings.can)
+
+    tries: list[None] = []
+    monkeypatch.setattr("cruise.service.daemon.open_bus", comes_late)
+    daemon = Daemon(settings, Notifier(str(tmp_path / "notify")), print)
+    heard: list[list[int]] = []
+
+    def each_tick(now_s: float) -> None:
+        heard.append([frame.arbitration_id for frame in far.drain() if frame.is_extended_id])
+        if len(heard) == 15:
+            daemon.bus._lose()
+
+    with open_bus(settings.can) as far:
+        run(daemon, 30, each_tick)
+    for part in heard[:15], heard[15:]:
+        said = [identifiers for identifiers in part if identifiers]
+        assert said[0] == [0x18EEFF11], "the claim alone"
+        assert 0x0CFF1211 in said[1], "then the command"
+
+
 def test_what_cannot_be_kept_is_said_once(settings: CruiseSettings, tmp_path: Path):
     assert settings.persistence is not None
     kept = structs.replace(settings.persistence, every_s=0.1)

@@ -1,5 +1,6 @@
-"""tools/install and tools/uninstall on a folder: what is refused, what is taken away and what stays."""
+"""tools/install and tools/uninstall on a folder: what is refused, what is taken away and what stays; the units."""
 
+import configparser
 import subprocess
 from pathlib import Path
 
@@ -65,3 +66,11 @@ def test_an_image_beside_us_is_whole_and_everybody_can_run_it_whatever_the_umask
         assert path.stat().st_mode & wanted == wanted, path
     subprocess.run([str(ROOT / "tools/uninstall"), "--root", "image", "--purge"], check=True, cwd=tmp_path)
     assert left(image) == set()
+
+
+def test_the_black_box_is_started_until_its_bus_is_there():
+    """It ends where there is none, and five ends within ten seconds would be its last by systemd's default."""
+    unit = configparser.ConfigParser(strict=False)
+    unit.read(ROOT / "systemd/cruise-recorder.service")
+    assert unit["Service"]["Restart"] == "always"
+    assert unit["Unit"].get("StartLimitIntervalSec") == "0"

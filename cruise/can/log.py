@@ -87,6 +87,10 @@ class LogWriter:
         """Hand to the system what has been written."""
         self._writer.file.flush()
 
+    def fileno(self) -> int:
+        """The file's descriptor."""
+        return self._writer.file.fileno()
+
     def close(self) -> None:
         """End the log."""
         self._writer.stop()

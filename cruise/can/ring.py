@@ -2,13 +2,16 @@
 
     SEGMENT = log-0000001.log.gz, candump lines; the oldest goes where a new one would exceed the bound
 
-A segment can be read up to the last second even where the power went in the middle of it. Those from `before_s` before
-an exit to `after_s` after it are frozen: kept as exit-0000001.log.gz, up to half of the bound; then the oldest of them
-goes. Numbers go on where the last run ended.
+A segment can be read up to the last second even where the power went in the middle of it: every second what came is
+brought to the disk, for which a thread of its own waits. Those from `before_s` before an exit to `after_s` after it are
+frozen: kept as exit-0000001.log.gz, up to half of the bound; then the oldest of them goes. Numbers go on where the last
+run ended.
 """
 
 import gzip
+import os
 import re
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Annotated, TextIO
 
@@ -43,6 +46,8 @@ class Ring:
         self._began: dict[Path, float] = {}  # of this run
         self._frozen_until_s = -1.0
         self._failed: OSError | None = None  # why there is no segment now
+        self._disk = ThreadPoolExecutor(1)
+        self._brought: Future[None] | None = None  # to the disk, the last time
         self._open(0.0)
 
     def segments(self) -> list[Path]:
@@ -61,6 +66,7 @@ class Ring:
         if now_s >= self._flush_s:
             self._flush_s = now_s + FLUSH_S
             self._writer.flush()
+            self._bring()
             self._bound()
 
     def freeze(self, now_s: float) -> None:
@@ -73,6 +79,7 @@ class Ring:
 
     def close(self) -> None:
         """End the last segment."""
+        self._disk.shutdown()
         self._writer.close()
         self._bound()
 
@@ -93,6 +100,14 @@ class Ring:
         self._path, self._began[path] = path, now_s
         self._flush_s, self._next_s = now_s + FLUSH_S, now_s + self.settings.segment_s
         self._bound()
+
+    def _bring(self) -> None:
+        """Begin to bring to the disk what was flushed, once what was before is there; OSError where that failed."""
+        before = self._brought
+        if before is None or before.done():
+            self._brought = self._disk.submit(_to_disk, os.dup(self._writer.fileno()))
+            if before is not None:
+                before.result()
 
     def _keep(self, path: Path) -> None:
         kept = path.with_name(f"exit-{path.name.partition('-')[2]}")
@@ -119,3 +134,11 @@ class Ring:
 def _compressed(path: Path) -> TextIO:
     """A new stream, which is closed with its writer."""
     return gzip.open(path, "wt", encoding="ascii")
+
+
+def _to_disk(descriptor: int) -> None:
+    """Wait until the disk has it, and close the descriptor."""
+    try:
+        os.fdatasync(descriptor)
+    finally:
+        os.close(descriptor)

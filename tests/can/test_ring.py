@@ -1,6 +1,9 @@
 """The black box's ring: readable to the last second, bounded, frozen around an exit, numbers that go on."""
 
+import errno
+import os
 from pathlib import Path
+from threading import Event
 
 import pytest
 
@@ -44,6 +47,43 @@ def test_where_the_power_goes_all_but_the_last_second_can_be_read(tmp_path: Path
     with pytest.raises(LogError, match="cannot be read"):
         read.extend(read_log(copy))  # it takes what comes before the error
     assert 69 <= len(read) <= 80
+    ring.close()
+
+
+def test_what_is_flushed_is_brought_to_the_disk_and_no_frame_waits_for_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """The system alone would keep it in memory for half a minute, and the power takes that with it."""
+    brought, ready = [], Event()
+
+    def slow(descriptor: int) -> None:
+        brought.append(Path(f"/proc/self/fd/{descriptor}").readlink().name)
+        assert ready.wait(60.0)
+
+    monkeypatch.setattr(os, "fdatasync", slow)
+    ring = Ring(tmp_path, SETTINGS, "can0")
+    fill(ring, 0.0, 8.0)
+    ready.set()
+    ring.close()
+    assert brought == ["log-0000001.log.gz"], "once, for all the time that the disk took"
+
+
+def test_what_did_not_reach_the_disk_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    def broken(descriptor: int) -> None:
+        raise OSError(errno.EIO, "on purpose")
+
+    def disk_is_done() -> None:
+        ring._disk.submit(lambda: None).result()
+
+    ring = Ring(tmp_path, SETTINGS, "can0")
+    monkeypatch.setattr(os, "fdatasync", broken)
+    fill(ring, 0.0, 1.5)
+    disk_is_done()
+    monkeypatch.undo()
+    with pytest.raises(OSError, match="on purpose"):
+        fill(ring, 1.5, 2.5)
+    disk_is_done()
+    fill(ring, 2.5, 4.5)
     ring.close()
 
 

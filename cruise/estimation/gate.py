@@ -65,7 +65,8 @@ class GateKeeper:
         settings = self.settings
         gear = sample.signals.get("gear", math.nan)
         changed = math.isfinite(self.gear) and math.isfinite(gear) and gear != self.gear
-        last_speed_mps, self.speed_mps, self.gear = self.speed_mps, sample.speed_mps, gear
+        last_speed_mps, self.speed_mps = self.speed_mps, sample.speed_mps
+        self.gear = gear if math.isfinite(gear) else self.gear  # many transmissions show none while they shift
         self.since_start_s += self.period_s
         self.since_gear_s = 0.0 if changed else self.since_gear_s + self.period_s
         excites = self._excites(sample, drive_mps)

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from cruise.estimation.estimator import Estimator, EstimatorSettings
-from cruise.estimation.gate import Gate
+from cruise.estimation.gate import Gate, GateKeeper, GateSettings
 from cruise.model.prediction import ahead, states_over
+from cruise.signals import Sample
 from tests.estimation.conftest import TRUE, Machine, columns, steps
 
 HORIZON = 15  # 3 s
@@ -160,6 +161,20 @@ def test_the_gate_says_why_a_sample_may_not_teach(factory, machine, fields, gate
     result = estimator.learn(replace(samples[150], **fields))
     assert result.gate is gate
     assert (estimator.save() == before) == (gate is not Gate.OPEN)
+
+
+def test_a_gear_that_is_not_known_during_the_shift_hides_no_shift():
+    """For a model without gears: one with them has a hole there."""
+    keeper = GateKeeper(GateSettings(), 0.2)
+    gates = {}
+    for k in range(50):
+        time_s = 0.2 * k
+        gear = 2.0 if time_s < 5.0 else 3.0 if time_s > 5.9 else math.nan
+        sample = Sample(time_s, 700.0, 1.0, {"gear": gear})
+        gates[k] = keeper.judge(sample, 1.0 + 0.1 * math.sin(time_s))
+    assert gates[24] is Gate.OPEN
+    assert gates[30] is gates[43] is Gate.GEAR_CHANGE
+    assert gates[46] is Gate.OPEN
 
 
 def test_after_a_hole_it_warms_up_again(factory, machine):

@@ -185,6 +185,7 @@ def test_a_parameter_file_that_is_cut_off_is_no_start():
     found = trial.run(Plan.of(FAULTS["parameter file cut off"], 2))
     assert found.verdict == "refused"
     assert found.how.startswith("does not start")
+    assert not found.crashed
 
 
 class Blind(Fault):
@@ -222,8 +223,9 @@ class Ends(Fault):
         del bed.node.pace
 
 
-def test_a_service_that_ends_by_an_exception_has_detected_nothing():
-    plan = Plan(replace(FAULTS["CCVS lost"], make=lambda rng: Ends()), 1, manoeuvre(1).engage_s + 2.0, math.inf)
+@pytest.mark.parametrize(("fault", "from_s"), [("CCVS lost", 8.0), ("parameters of another machine", 0.0)])
+def test_a_service_that_ends_by_an_exception_has_detected_nothing(fault, from_s):
+    plan = Plan(replace(FAULTS[fault], make=lambda rng: Ends()), 1, from_s, math.inf)
     found = trial.run(plan)
     assert found.crashed
     assert found.failed

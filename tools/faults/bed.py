@@ -163,7 +163,8 @@ class Bed:
         self.commands: list[tuple[float, bool, float]] = []  # of the service: time, active, current
         self.intact_s: dict[str, float] = {}  # when each message was last heard by the service as it should be
         self.there = False  # the fault
-        self.died = ""  # the exception that ended the service
+        self.started = True  # the service; False where it refused to
+        self.died = ""  # the exception that ended the service, or why it did not start
         self.exit: Exit | None = None
         self.left_s = math.inf  # when the service itself let go
         self.reference: Reference | None = None

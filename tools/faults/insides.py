@@ -177,7 +177,7 @@ class ModelFile(Fault):
             try:
                 model = files.load(path)
             except SettingsError as error:
-                bed.died = f"does not start: {error}"
+                bed.started, bed.died = False, f"does not start: {error}"
                 return
         bed.node = CruiseNode(cruise_settings(), scaled(model, self.gain), codec())
 

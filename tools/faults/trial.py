@@ -133,7 +133,7 @@ def judge(plan: Plan, bed: Bed) -> Outcome:
     active_after = any(active and time_s > bed.left_s - 1e-6 for time_s, active, _ in bed.commands)
     return Outcome(
         plan.row.name, plan.seed, plan.from_s, plan.to_s, verdict, how, exit_s - plan.from_s if within else math.nan,
-        silence_s, overspeed_mps, accel_mps2, active_after, bool(bed.died) and not plan.row.from_start,
+        silence_s, overspeed_mps, accel_mps2, active_after, bool(bed.died) and bed.started,
     )  # fmt: skip
 
 

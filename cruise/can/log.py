@@ -5,6 +5,7 @@ A log that ends in the middle, as one does when the power goes, gives all its wh
 """
 
 import gzip
+import re
 import sqlite3
 import struct
 import zlib
@@ -12,7 +13,7 @@ from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
 from types import TracebackType
-from typing import Final, Self, TextIO
+from typing import Final, Self, TextIO, cast
 
 import can
 from can.io.blf import BLFParseError
@@ -25,6 +26,9 @@ except ImportError:
     MdfException = BLFParseError  # no .mf4 is read then, and python-can says what to install
 
 CANDUMP: Final = ".log"
+_ERROR: Final = 0x20000000  # in candump's identifiers the flag of an error frame; below it is the error's class
+_ANY_ERROR: Final = re.compile(r" [23][0-9A-Fa-f]{7}#")
+_KNOWN_ERROR: Final = " 20000080#"  # the only class of which python-can knows that it is an error
 # What python-can's readers raise on files that are not what their name says.
 _UNREADABLE: Final = (
     ValueError,
@@ -78,6 +82,8 @@ class LogWriter:
 
     def write(self, frame: Frame) -> None:
         """Append one frame."""
+        if frame.is_error_frame:  # of whose class the writer knows but one
+            frame = Frame(frame.timestamp, _ERROR | frame.arbitration_id, data=frame.data, channel=frame.channel)
         # The writer would lift a time below the last one; frames of two senders may come out of order.
         self._writer.last_timestamp = frame.timestamp
         self._writer.on_message_received(frame)
@@ -116,6 +122,8 @@ def read_log(path: str | Path) -> Iterator[Frame]:
     frames, goes_on, missing = 0, False, ""
     try:
         with can.LogReader(file) as reader:
+            if isinstance(reader, can.CanutilsLogReader):
+                reader.file = cast(TextIO, _with_known_errors(reader.file))
             try:
                 for frame in reader:
                     yield frame
@@ -136,6 +144,13 @@ def read_log(path: str | Path) -> Iterator[Frame]:
         raise LogError(f"{path}: no CAN frame in it; is it a log of another kind?")
     if missing:
         raise BrokenLogError(str(path), f"ends after frame {frames}, {missing}; copy it again")
+
+
+def _with_known_errors(lines: TextIO) -> Iterator[str]:
+    """Yield candump's lines, each error of a class that python-can takes for one; closed, it closes the file."""
+    with lines:
+        for line in lines:
+            yield _ANY_ERROR.sub(_KNOWN_ERROR, line)
 
 
 def _unfinished(file: Path) -> bool:

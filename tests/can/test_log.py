@@ -50,9 +50,21 @@ def test_times_are_kept_where_they_run_back(tmp_path: Path):
     assert [f.timestamp for f in read_log(written(tmp_path / "a.log", frames))] == [2.0, 1.5, 0.0, 3.0]
 
 
-def test_an_error_frame_stays_one(tmp_path: Path):
-    path = written(tmp_path / "a.log", [Frame(is_error_frame=True, timestamp=1.0)])
-    assert [f.is_error_frame for f in read_log(path)] == [True]
+def test_an_error_frame_stays_one_and_keeps_its_class(tmp_path: Path):
+    off = Frame(arbitration_id=0x40, is_error_frame=True, data=bytes(8), timestamp=1.0)
+    path = written(tmp_path / "a.log", [off, *drive(1)])
+    assert path.read_text().splitlines()[0].split()[2] == "20000040#0000000000000000"
+    assert [f.is_error_frame for f in read_log(path)] == [True, False]
+
+
+@pytest.mark.parametrize("suffix", [".log", ".log.gz"])
+def test_what_candump_wrote_of_any_error_is_no_data(tmp_path: Path, suffix: str):
+    """Bus-off, controller passive, lost arbitration; between them what python-can takes for errors itself, and data."""
+    lines = ("20000040#00", "20000004#0020", "20000002#01", "20000080#", "00000004#01", "123#20000080")
+    text = "".join(f"({k}.000000) can0 {line}\n" for k, line in enumerate(lines))
+    path = tmp_path / f"a{suffix}"
+    path.write_bytes(gzip.compress(text.encode()) if suffix.endswith("gz") else text.encode())
+    assert [f.is_error_frame for f in read_log(path)] == [True, True, True, True, False, False]
 
 
 def test_what_is_flushed_can_be_read_by_others(tmp_path: Path):

@@ -1,6 +1,6 @@
 """The black box: the last minutes of the bus in compressed logs of bounded size, frozen around every exit.
 
-    SEGMENT = log-0000001.log.gz, candump lines; the oldest goes where a new one would exceed the bound
+    SEGMENT = log-0000001.log.gz, candump lines; the oldest goes where a new one would exceed the bound or fill the disk
 
 A segment can be read up to the last second even where the power went in the middle of it: every second what came is
 brought to the disk, for which a thread of its own waits. Those from `before_s` before an exit to `after_s` after it are
@@ -11,6 +11,7 @@ run ended.
 import gzip
 import os
 import re
+import shutil
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Annotated, TextIO
@@ -30,6 +31,7 @@ class RingSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     """How much is kept."""
 
     size_bytes: Size = 500_000_000  # of all segments; a full bus of 250 kbit/s makes about 25 MB an hour
+    left_bytes: Annotated[int, msgspec.Meta(ge=0)] = 50_000_000  # of the disk, for others: the ring is smaller then
     segment_s: Annotated[float, msgspec.Meta(gt=0)] = 60.0
     before_s: Annotated[float, msgspec.Meta(ge=0)] = 60.0
     after_s: Annotated[float, msgspec.Meta(ge=0)] = 30.0
@@ -116,16 +118,24 @@ class Ring:
         self._path = kept if path == self._path else self._path
 
     def _bound(self) -> None:
-        """Take the oldest away where there is too much: of the frozen above half of the bound, else of the others."""
+        """Take the oldest away where there is too much: of the frozen above half of the bound, else of the others.
+
+        Where the disk has little room left, the oldest of the others go.
+        """
         segments = [path for path in self.segments() if path != self._path]
         sizes = {path: path.stat().st_size for path in segments}
         total = sum(sizes.values()) + self._path.stat().st_size
         frozen = sum(size for path, size in sizes.items() if path.name.startswith("exit"))
-        while total > self.settings.size_bytes and segments:
-            kind = "exit" if frozen > self.settings.size_bytes // 2 else "log"
-            oldest = next((path for path in segments if path.name.startswith(kind)), segments[0])
+        lacking = self.settings.left_bytes - shutil.disk_usage(self.folder).free
+        while (too_much := total > self.settings.size_bytes) or lacking > 0:
+            kind = "exit" if too_much and frozen > self.settings.size_bytes // 2 else "log"
+            of_kind = [path for path in segments if path.name.startswith(kind)]
+            oldest = next(iter(of_kind or (segments if too_much else [])), None)
+            if oldest is None:
+                break
             segments.remove(oldest)
             total -= sizes[oldest]
+            lacking -= sizes[oldest]
             frozen -= sizes[oldest] if oldest.name.startswith("exit") else 0
             self._began.pop(oldest, None)
             oldest.unlink()

@@ -4,8 +4,10 @@ import errno
 import os
 from pathlib import Path
 from threading import Event
+from types import SimpleNamespace
 
 import pytest
+from msgspec import structs
 
 from cruise.can.frame import Frame
 from cruise.can.log import LogError, read_log
@@ -123,6 +125,31 @@ def test_many_exits_do_not_push_the_present_out(tmp_path: Path):
     ring.close()
     assert sum(path.stat().st_size for path in ring.segments()) <= small.size_bytes
     assert names(ring)[-1].endswith("40")
+
+
+def test_a_disk_smaller_than_its_bound_is_not_filled_and_exits_outlive_the_rest(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    def of_a_small_disk(folder: Path) -> SimpleNamespace:
+        return SimpleNamespace(free=40_000 - others - sum(path.stat().st_size for path in folder.iterdir()))
+
+    others = 0
+    monkeypatch.setattr("shutil.disk_usage", of_a_small_disk)
+    ring = Ring(tmp_path, structs.replace(SETTINGS, left_bytes=10_000), "can0")
+    least = 40_000
+    for begin_s in range(0, 600, 10):
+        fill(ring, float(begin_s), begin_s + 10.0)
+        least = min(least, of_a_small_disk(tmp_path).free)
+        if begin_s == 100:
+            ring.freeze(begin_s + 10.0)
+    assert least >= 10_000 - 1_500, "but for what has not been flushed"
+    assert names(ring)[-1] == "log-0000060"
+    assert [name for name in names(ring) if name.startswith("exit")] == [f"exit-{k:07}" for k in (10, 11, 12, 13)]
+    others = 40_000
+    fill(ring, 600.0, 620.0)
+    ring.close()
+    assert [name for name in names(ring) if name.startswith("log")] == ["log-0000062"], "the present"
+    assert len(names(ring)) == 5, "who else fills the disk takes no exit away"
 
 
 def test_numbers_go_on_at_the_next_start(tmp_path: Path):

@@ -218,7 +218,9 @@ class Recorder:
         return _recording(self.rows, self.rate_hz, source, notes)
 
     def _follow(self, status: Mapping[str, float], time_s: float) -> None:
-        progress = Progress(int(status["experiment_progress"]))
+        progress = next((one for one in Progress if one == status["experiment_progress"]), None)
+        if progress is None:
+            return
         earlier = self.progress is Progress.NONE and progress in (Progress.FINISHED, Progress.ENDED_EARLY)
         if status["driven_experiment"] != self.number or earlier or self.ended:
             return

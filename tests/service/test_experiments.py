@@ -1,5 +1,6 @@
 """Experiments over the whole bus in lockstep: they agree with driving directly, and every end is at once."""
 
+import math
 from functools import cache
 
 import msgspec
@@ -413,6 +414,14 @@ def test_a_recorder_takes_no_other_experiment_and_none_that_is_over():
     assert late.rows == []
     with pytest.raises(RecordingError, match="with 0 samples: the recorder was stopped"):
         late.recording("late")
+
+
+@pytest.mark.parametrize("progress", [math.nan, 6.0])
+def test_a_recorder_does_not_mind_a_progress_that_it_does_not_know(progress):
+    recorder, speaker = Recorder(codec(), 3, 20.0), codec()
+    status = {"driven_experiment": 3.0, "experiment_progress": progress, "experiment_left_s": 1.0}
+    recorder.receive(speaker.encode("CommissioningStatus", status, 1.0))
+    assert not recorder.begun
 
 
 def test_a_recorder_keeps_the_first_of_two_runs():

@@ -8,7 +8,7 @@ twice (design, "the interfaces that carry it").
 
 import math
 from dataclasses import replace
-from typing import Any
+from typing import Annotated, Any
 
 import msgspec
 import numpy as np
@@ -28,8 +28,8 @@ class EstimatorSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
     cutoff_hz: Positive = 2.0  # Hz; at 1 Hz, where the model's validity ends, a minute teaches up to 9 % less
     mean_s: Positive = 15.0  # s, running mean that is left out of learning while engaged
     noise_factor: Positive = 2.0  # filtered residuals are coloured: about one sample in four is news
-    pole_max: Positive = 0.99  # magnitude of the slowest pole that is still believed
-    gain_range: Positive = 3.0  # the DC gain stays within factory / range .. factory * range
+    pole_max: Annotated[float, msgspec.Meta(gt=0, lt=1)] = 0.99  # magnitude of the slowest pole that is still believed
+    gain_range: Annotated[float, msgspec.Meta(ge=1, le=10)] = 3.0  # DC gain within factory / range .. factory * range
     forgetting: ForgettingSettings = ForgettingSettings()
     gate: GateSettings = GateSettings()
 

@@ -9,6 +9,7 @@ its changes excite.
 import math
 from collections import deque
 from enum import StrEnum
+from typing import Annotated
 
 import msgspec
 
@@ -40,7 +41,8 @@ class GateSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     current_max_ma: Positive = 1150.0  # mA, beyond it the swash plate is at its stop
     accel_max_mps2: Positive = 4.0  # m/s2, more is a sensor's jump: the tyres give about 0.4 g
     excitation_min_mps: Positive = 0.08  # m/s, span of the changes that count, ten times the noise of a sample's speed
-    excitation_s: Positive = 6.0  # s, over which that span is taken: delay and three time constants of the drive
+    # s, over which that span is taken: delay and three time constants of the drive.
+    excitation_s: Annotated[float, msgspec.Meta(gt=0, le=60)] = 6.0
 
 
 class GateKeeper:

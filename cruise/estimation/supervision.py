@@ -28,7 +28,7 @@ LAST_DECISIONS: Final = 20  # kept: those of the last minutes; what a run counts
 class SupervisionSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """How a learned model proves itself, and when it has to go."""
 
-    horizon_s: Positive = 3.0  # s, Coen et al. 2005, section II.B
+    horizon_s: Annotated[float, msgspec.Meta(gt=0, le=30)] = 3.0  # s, Coen et al. 2005, section II.B
     window_s: Annotated[float, msgspec.Meta(ge=5, le=300)] = 30.0  # s, time constant of the running errors
     disturbance_s: Positive = 2.0  # s, time constant of the running one step ahead error
     proof_s: Annotated[float, msgspec.Meta(ge=5, le=600)] = 20.0  # s of judged predictions before an adoption

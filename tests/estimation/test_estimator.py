@@ -3,11 +3,13 @@
 import math
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
 
 from cruise.estimation.estimator import Estimator, EstimatorSettings
 from cruise.estimation.gate import Gate, GateKeeper, GateSettings
+from cruise.estimation.supervision import SupervisionSettings
 from cruise.model.prediction import ahead, states_over
 from cruise.signals import Sample
 from tests.estimation.conftest import TRUE, Machine, columns, steps
@@ -131,6 +133,22 @@ def test_saved_nonsense_is_refused(factory, broken, says):
     estimator = Estimator(factory, EstimatorSettings())
     with pytest.raises(ValueError, match=says):
         estimator.restore(estimator.save() | broken)
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "value"),
+    [
+        (EstimatorSettings, "pole_max", 1.0),
+        (EstimatorSettings, "gain_range", 0.9),
+        (EstimatorSettings, "gain_range", 100.0),
+        (GateSettings, "excitation_s", 1e9),
+        (SupervisionSettings, "horizon_s", 3600.0),
+    ],
+)
+def test_a_setting_beyond_what_it_can_mean_is_refused(kind, name, value):
+    """A pole on the unit circle, a range that holds nothing or everything, memory and time without end."""
+    with pytest.raises(msgspec.ValidationError, match=name):
+        msgspec.convert({name: value}, kind)
 
 
 GOOD = {"engine_speed_rpm": 2000.0, "gear": 2.0}

@@ -62,7 +62,8 @@ class BlackBox:
             act()
         except (OSError, ValueError) as error:  # ValueError: a segment that the full disk has closed
             self.failures += 1
-            problem = f"{self.ring.folder}: cannot be written: {error}"
+            why = error.strerror if isinstance(error, OSError) else error  # whichever segment it is
+            problem = f"{self.ring.folder}: cannot be written: {why}"
             if problem != self.problem:  # once, and not with every frame
                 self._say(problem)
             self.problem = problem

@@ -70,3 +70,14 @@ def test_a_full_disk_costs_frames_and_does_not_end_it(tmp_path: Path):
     assert any("No space left on device" in line for line in said)
     box.close()
     assert (tmp_path / "log-0000005.log.gz").stat().st_size > 50
+
+
+def test_a_folder_that_is_gone_is_said_once_however_many_segments_cannot_be_opened(tmp_path: Path):
+    sender, said = Codec.load(SETTINGS.database, structs.replace(SETTINGS.can, bus="virtual")), []
+    box = BlackBox(sender, Ring(tmp_path / "box", RingSettings(segment_s=1.0), "can0"), said.append)
+    (tmp_path / "box").rename(tmp_path / "away")
+    for k in range(80):
+        box.receive(sender.encode("EEC1", {"engine_speed_rpm": 2000.0}, 0.1 * k))
+        box.tick(0.1 * (k + 1))
+    box.close()
+    assert said == [f"{tmp_path / 'box'}: cannot be written: No such file or directory"]

@@ -13,7 +13,8 @@ def hints(found: Diagnosis) -> list[str]:
     lacking = [one.effect for one in found.refused if not recorded.issuperset(EFFECTS[one.effect].needs)]
     lacked = sorted({need for name in lacking for need in EFFECTS[name].needs} - recorded)
     said = []
-    for column in (name for name in dict.fromkeys((*found.signals, found.beside)) if name and name not in SIGNALS):
+    theirs = set(found.study.recordings[0].columns) - set(SIGNALS)
+    for column in (name for name in dict.fromkeys((*found.signals, found.beside)) if name in theirs):
         signal = guessed([column], lacked).get(column)
         if signal is None:
             continue

@@ -20,7 +20,7 @@ from cruise.validation.candidates import Candidate, EffectCandidate, ways_of, wi
 from cruise.validation.disturbance import Disturbance, disturbance_of
 from cruise.validation.explanation import CORE, START, Explanation
 from cruise.validation.fitting import Fit, Layout, Objective, bounded, fit, layout
-from cruise.validation.simulation import RAN_AWAY_MPS, Scene
+from cruise.validation.simulation import RAN_AWAY_MPS, Scene, paced
 from cruise.validation.slip import slip_mps, sure_of_slip
 from cruise.validation.starts import NEARLY, Starts, apart
 from cruise.validation.told import kinds_of
@@ -384,7 +384,7 @@ def _blocks(scene: Scene) -> np.ndarray:
     result, first = np.zeros(len(scene), dtype=int), 0
     for part in scene.parts:
         samples = part.stop - part.start
-        count = max(round(samples * scene.period_s / BLOCK_S), 1)
+        count = max(round(samples * scene.period_s / paced(BLOCK_S, scene.horizon_s)), 1)
         result[part] = first + np.arange(samples) * count // samples
         first += count
     return result

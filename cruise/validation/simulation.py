@@ -26,10 +26,15 @@ from cruise.validation.explanation import Explanation
 from cruise.validation.slope import PITCH, SLOPE, pitch_share, slope_deg
 
 WARM_UP_S: Final = 3.0  # s, the paper's horizon: what a prediction at least has to reach, unless told otherwise
-JUDGED_S: Final = 6.0  # s; longer costs more steps, shorter more starts
+JUDGED_S: Final = 6.0  # s; longer costs more steps, shorter more starts; in proportion where the horizon is shorter
 RAN_AWAY_MPS: Final = 1e3  # m/s, a speed or an error beyond which no more is to be learned
 SAME_TIME: Final = 0.01  # of a period: time stamps that differ by less are one
 CACHED_BYTES: Final = 24_000_000  # of what is kept; what was made first is forgotten first
+
+
+def paced(span_s: float, horizon_s: float) -> float:
+    """A span in s that suits the paper's horizon, as much shorter as a drive is quicker that is asked for less."""
+    return span_s * min(horizon_s / WARM_UP_S, 1.0)
 
 
 class Raw:
@@ -84,7 +89,7 @@ class Scene:
         raw: Sequence[Recording] | None = None,
         horizon_s: float = WARM_UP_S,
     ) -> None:
-        self.period_s = recordings[0].dt_s
+        self.period_s, self.horizon_s = recordings[0].dt_s, horizon_s
         self.recordings = tuple(recordings)
         self.raw = [Raw(fine, one) for fine, one in zip(raw or recordings, recordings, strict=True)]
         self.speed_mps = np.concatenate([one.output for one in recordings])
@@ -98,15 +103,16 @@ class Scene:
         ends = np.cumsum([len(one) for one in recordings])
         self.parts = [slice(int(end) - len(one), int(end)) for end, one in zip(ends, recordings, strict=True)]
         self.held = np.concatenate([standing_held(one.input, one.output, self.period_s) for one in recordings])
-        self._lay_out(horizon_s)
+        self._lay_out()
         self._cache: dict[Any, Any] = {}
         self._cached_bytes = 0
 
     def __len__(self) -> int:
         return len(self.speed_mps)
 
-    def _lay_out(self, horizon_s: float) -> None:
-        warm_up, judged = (max(round(span / self.period_s), 1) for span in (horizon_s, JUDGED_S))
+    def _lay_out(self) -> None:
+        spans_s = self.horizon_s, paced(JUDGED_S, self.horizon_s)
+        warm_up, judged = (max(round(span_s / self.period_s), 1) for span_s in spans_s)
         starts, stops = [], []
         for part in self.parts:
             first = part.start + 1

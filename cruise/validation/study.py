@@ -24,7 +24,7 @@ from cruise.validation.complete import complete
 from cruise.validation.explanation import START, Explanation
 from cruise.validation.line_pressure import force_of_a_bar
 from cruise.validation.search import Judged, Search
-from cruise.validation.simulation import JUDGED_S, WARM_UP_S, Scene
+from cruise.validation.simulation import JUDGED_S, WARM_UP_S, Scene, paced
 from cruise.validation.told import BY_SLOPE, kinds_of
 
 SHORTEST_S: Final = 60.0  # s of data in which anything can be judged held-out
@@ -97,10 +97,11 @@ def study(
     core = replace(START, gain_mps_per_ma=slope, delay_s=min(START.delay_s, 0.5 * longest_s))
     explanation = Explanation(replace(core, stroke_share=file.stroke_share) if file else core)
     judged_s = np.isfinite(scene.errors([explanation])).sum() * period_s
-    if judged_s < SHORTEST_S:
+    shortest_s, stretch_s = paced(SHORTEST_S, horizon_s), horizon_s + paced(JUDGED_S, horizon_s)
+    if judged_s < shortest_s:
         raise FitError(
-            f"{judged_s:.0f} s of the recordings can be judged, too little: record "
-            f"{SHORTEST_S:g} s or more, in stretches of at least {horizon_s + JUDGED_S:g} s without a hole"
+            f"{judged_s:.0f} s of the recordings can be judged, too little: record {shortest_s:.3g} s or more, "
+            f"in stretches of at least {stretch_s:.3g} s without a hole; a quick drive can be judged less far ahead"
         )
     show("fitting the core")
     found = search.fitted(explanation)

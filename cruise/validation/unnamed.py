@@ -72,7 +72,7 @@ class Unnamed(Effect):
         return clip((value - self.centre) / self.half_width, -FARTHEST, FARTHEST)
 
 
-SPEED: Final = "speed_mps"  # the model's own, one sample ago
+SPEED: Final = "modelled_speed_mps"  # the model's own, one sample ago: a column may be called speed_mps
 
 
 @dataclass(frozen=True)

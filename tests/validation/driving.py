@@ -64,10 +64,11 @@ def drive(
     columns: Mapping[str, np.ndarray] | None = None,
     source: str = "drive.csv",
     pair: tuple[float, float] | None = None,
+    vehicle_s: float = VEHICLE_S,
 ) -> Recording:
     """A recording; `gain` and `load_mps` (N,) are g and l of every sample, `columns` what else was recorded.
 
-    `pair` are frequency in Hz and damping of two more poles.
+    `pair` are frequency in Hz and damping of two more poles, `vehicle_s` is T_v.
     """
     samples = round(seconds / dt_s)
     each = round(dt_s / FINE_S)
@@ -79,7 +80,7 @@ def drive(
         felt = through_pair(felt, *pair)
     force = GAIN * np.repeat(np.broadcast_to(gain, samples), each) * felt
     force = force + np.repeat(np.broadcast_to(load_mps, samples), each) + OFFSET_MPS
-    speed = lagged(force, VEHICLE_S)[each - 1 :: each]
+    speed = lagged(force, vehicle_s)[each - 1 :: each]
     noise = noise_mps * np.random.default_rng(500 + seed).standard_normal(samples)
     held = {INPUT: current, OUTPUT: speed + noise, **(columns or {})}
     return Recording(dt_s * np.arange(1, samples + 1), held, dt_s, source)

@@ -25,6 +25,7 @@ from cruise.validation.tried import (
     MUCH,
     enough,
 )
+from cruise.validation.unnamed import SPEED
 from tests.validation.diagnosing import DT_S, HEADER, PERIOD_S, PITCH, SAMPLES, SECONDS, STRUCTURE, begun, found
 from tests.validation.driving import GRAVITY_MPS2, drive, wander
 from tools.trial.run import table_without
@@ -95,7 +96,7 @@ def test_every_candidate_was_tried_or_refused(which, request):
     refused = {each.effect: each.reason for each in one.refused}
     assert {name for name in tried if not name.startswith(UNNAMED)} | set(refused) == set(EFFECTS)
     assert {name for name in tried if name.startswith(UNNAMED)} == {
-        f"{UNNAMED}{name}" for name in ("pump_current_ma", "pitch_deg", "header_height_mm", "speed_mps")
+        f"{UNNAMED}{name}" for name in ("pump_current_ma", "pitch_deg", "header_height_mm", SPEED)
     }
     assert refused["engine_speed"] == "engine_speed_rpm is not recorded"
     counted = [each.counted for each in one.steps[0].tried]

@@ -118,7 +118,7 @@ def test_a_curve_beside_what_was_found_must_take_as_much_as_a_further_effect(dea
     assert word() is not None
     assert word(credit=0.9) is None, "the drive itself moves it"
     assert word(name=f"{UNNAMED}pitch_deg") is None, "it is the effect's own"
-    for name, own in (("dead_zone", "pump_current_ma"), ("coulomb_friction", "speed_mps")):
+    for name, own in (("dead_zone", "pump_current_ma"), ("coulomb_friction", SPEED)):
         assert word(chosen=(name,), name=f"{UNNAMED}{own}") is None
     assert word(evidence=selection.FURTHER - 1.0) is None
     assert word(gain=0.2) is None

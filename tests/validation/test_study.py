@@ -50,9 +50,17 @@ def test_too_short_a_recording_is_refused():
         FitError, match=r"^37 s of the recordings can be judged, too little: record 60 s or more, in st"
     ):
         study([drive(40.0)], PLAIN, None, PERIOD_S)
-    with pytest.raises(FitError, match=r"in stretches of at least 11 s without a hole$"):
+    with pytest.raises(FitError, match=r"in stretches of at least 11 s without a hole; a qu"):
         study([drive(40.0)], PLAIN, None, PERIOD_S, 5.0)
     study([drive(40.0), drive(40.0, 1)], PLAIN, None, PERIOD_S)
+
+
+def test_a_quick_drive_that_is_judged_less_far_ahead_needs_less():
+    with pytest.raises(FitError, match=r"record 12 s or more, in stretches of at least 1\.8 s without a hole"):
+        study([drive(11.0)], PLAIN, None, 0.1, 0.6)
+    quick = study([drive(40.0, dt_s=0.05, vehicle_s=0.1)], PLAIN, None, 0.1, 0.6)
+    assert len(np.unique(quick.search.blocks)) == 10
+    assert quick.base.loss**0.5 < 1.3 * 0.02
 
 
 @pytest.mark.parametrize("dt_s", [0.1, 0.2])
@@ -113,6 +121,15 @@ def test_the_machines_numbers_are_found(plain):
     assert found_s == pytest.approx(true_s, abs=0.03)
     assert np.sqrt(plain.base.loss) == pytest.approx(0.02 / np.sqrt(2.0), rel=0.2)
     assert plain.period_s == PERIOD_S
+
+
+@pytest.mark.parametrize("vehicle_s", [20.0, 60.0])
+def test_a_vehicle_that_is_pushed_takes_as_long_as_it_does(vehicle_s):
+    """A torque moves a car for a minute before its drag equals it: that is no effect, but the core."""
+    pushed = {"gain": vehicle_s / VEHICLE_S / 5.0, "load_mps": -vehicle_s / VEHICLE_S / 5.0 * 575.0 * GAIN}
+    one = study([drive(300.0, vehicle_s=vehicle_s, **pushed)], PLAIN, None, PERIOD_S)
+    assert one.base.explanation.core.time_constant_s == pytest.approx(vehicle_s, rel=0.25)
+    assert one.base.loss**0.5 < 1.3 * 0.02
 
 
 def test_the_delay_is_no_longer_than_the_structure_can_represent():

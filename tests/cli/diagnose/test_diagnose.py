@@ -18,6 +18,7 @@ from cruise.report.mapping import hints
 from cruise.signals import INPUT
 from cruise.validation.candidates import Refused
 from cruise.validation.diagnose import Diagnosis
+from cruise.validation.unnamed import SPEED
 from tests.cli.diagnose.drives import DELAY_S, DT_S, FLOOR, MODEL, PULL, TRIED, ambiguous, drive, unlisted
 
 
@@ -126,6 +127,8 @@ def test_a_column_that_may_be_what_an_effect_lacked_is_said_to(hills, capsys):
     assert len(hints(beside)) == 1
     assert hints(replace(found, signals=("header_height",))) == []
     assert hints(replace(found, refused=())) == hints(hills) == []
+    slip = (Refused("wheel_slip", "wheel_speed_mps is not recorded"),)
+    assert hints(replace(found, signals=(SPEED,), refused=slip)) == [], "no column of theirs"
 
 
 def test_what_can_not_be_told_apart_comes_with_every_experiment(hills, capsys):

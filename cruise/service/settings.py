@@ -17,6 +17,7 @@ from cruise.estimation.estimator import EstimatorSettings
 from cruise.estimation.supervision import SupervisionSettings
 from cruise.sampling import SamplingSettings
 from cruise.service.persistence import PersistenceSettings
+from cruise.signals import INPUT, SIGNALS
 
 
 class CruiseSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -37,6 +38,15 @@ class CruiseSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_f
     control: ControlSettings = ControlSettings()
     commissioning: CommissioningSettings | None = None  # None: no experiments on this machine
     persistence: PersistenceSettings | None = None  # None: nothing is kept from one start to the next
+
+    def __post_init__(self) -> None:
+        most_ma = SIGNALS[INPUT].high
+        for name, part in (("control", self.control), ("commissioning", self.commissioning)):
+            asked_ma = part.limits.current_max_ma if part is not None else 0.0
+            if asked_ma > most_ma:
+                raise ValueError(
+                    f"{name}.limits.current_max_ma is {asked_ma:g}; above {most_ma:g} mA nothing on the bus is a current"
+                )
 
 
 def load(path: str | Path) -> CruiseSettings:

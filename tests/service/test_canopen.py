@@ -256,6 +256,7 @@ def test_a_setting_that_is_written_counts_in_the_next_run_and_engages_nothing(se
         (b"sampling: {stale_after_s: {brake_pedl: 0.5}}", OUT_OF_RANGE),
         (b"control: {limits: {current_max_ma: 5000.0}}", OUT_OF_RANGE),
         (b"control: {limits: {current_max_ma: 1.2}}", OUT_OF_RANGE),  # in A
+        (b"control: {limits: {current_max_ma: 1700.0}}", OUT_OF_RANGE),  # more than the frame of the command holds
         (b"engagement: {speed_mx_mps: 6.0}", OUT_OF_RANGE),
         (b"speed_max_mps: 6.0", OUT_OF_RANGE),
         (b"can: {channel: other}", OUT_OF_RANGE),  # these four are the file's alone

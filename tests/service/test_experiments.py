@@ -24,6 +24,7 @@ from cruise.service.cruise_node import CruiseNode
 from cruise.service.experiments import Driven, Recorder, altered, drive, drive_on_bus
 from cruise.service.loop import Lockstep
 from cruise.service.operator_node import OperatorNode
+from cruise.settings import SettingsError
 from cruise.signals import INPUT, OUTPUT
 from tests.service.drive import CAN, CONFIG, Listener, Tamper, Wire, codec, cruise_settings, plant_settings
 
@@ -446,3 +447,6 @@ def test_the_service_reads_its_experiments_from_the_file_of_its_settings(tmp_pat
     assert experiments.load(tmp_path / "experiments.yaml").keys() >= {"white_noise", "steps", "ramp", "multisine"}
     bare = CruiseNode.load(cruise_settings())
     assert bare.engagement.experiments == {}
+    path.write_text(text + "\ncommissioning:\n  experiments: experiments.yaml\n  limits: {current_max_ma: 1700}\n")
+    with pytest.raises(SettingsError, match=r"commissioning\.limits\.current_max_ma is 1700"):
+        service_settings.load(path)

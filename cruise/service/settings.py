@@ -45,7 +45,7 @@ class CruiseSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_f
             asked_ma = part.limits.current_max_ma if part is not None else 0.0
             if asked_ma > most_ma:
                 raise ValueError(
-                    f"{name}.limits.current_max_ma is {asked_ma:g}; above {most_ma:g} mA nothing on the bus is a current"
+                    f"{name}.limits.current_max_ma is {asked_ma:g}; above {most_ma:g} mA no frame is a current"
                 )
 
 

@@ -44,7 +44,7 @@ def sentence(found: Diagnosis) -> str:
             share = hidden_share(found)
             return (
                 f"Nothing is missing: no effect that these recordings can speak of lowers the error {horizon}, "
-                f"{before} m/s, by as much as {100 * (1 - math.sqrt(1 - share)):.0f} % {sure}."
+                f"{before} m/s, by as much as {math.ceil(100 * (1 - math.sqrt(1 - share)))} % {sure}."
             )
         case Verdict.UNLISTED:
             best = evidence.best_named(found)
@@ -138,8 +138,8 @@ def confidence(value: float) -> str:
 
 def hidden_share(found: Diagnosis) -> float:
     """The share of the squared error that an effect could explain without being named."""
-    best = found.steps[0].tried[0].gain if found.steps[0].tried else 0.0
-    return max(LEAST_GAIN, min(best, 1.0))
+    gains = (one.gain for one in found.steps[0].tried if not one.name.startswith(UNNAMED))
+    return max([LEAST_GAIN, *gains])
 
 
 def look_alikes(found: Diagnosis) -> list[str]:

@@ -18,6 +18,7 @@ from cruise.report.mapping import hints
 from cruise.signals import INPUT
 from cruise.validation.candidates import Refused
 from cruise.validation.diagnose import Diagnosis
+from cruise.validation.tried import LEAST_GAIN
 from cruise.validation.unnamed import SPEED
 from tests.cli.diagnose.drives import DELAY_S, DT_S, FLOOR, MODEL, PULL, TRIED, ambiguous, drive, unlisted
 
@@ -98,6 +99,16 @@ def test_where_nothing_is_missing_it_says_what_could_have_hidden(flat, capsys):
     assert "at its best fit moves it by" in out
     assert "cruise add" not in out
     assert json.loads(json.dumps(report(flat, MODEL, MODEL), allow_nan=False))["effects"] == []
+
+
+def test_no_effect_of_the_table_takes_more_than_what_is_said_to_be_the_most(flat):
+    step, gains = flat.steps[0], {"unnamed:pitch_deg": 0.4, "grade": 0.1, TRIED[0]: 0.2, TRIED[1]: 0.23}
+    tried = tuple(replace(one, gain=gains[one.name]) for one in step.tried if one.name in gains)
+    for order in (tried, tried[::-1]):
+        found = replace(flat, steps=(replace(step, tried=order),))
+        assert diagnosis.hidden_share(found) == 0.23
+        assert "m/s, by as much as 13 % (" in diagnosis.sentence(found), "1 - 0.77^0.5 is 12.3 %"
+    assert diagnosis.hidden_share(replace(flat, steps=(replace(step, tried=()),))) == LEAST_GAIN
 
 
 def test_what_is_not_in_the_table_is_named_by_its_signal_and_its_curve(hills, capsys):

@@ -23,7 +23,8 @@ from cruise.effects.effect import State, Value
 from cruise.model.model import Model, ModelState
 
 NO_CURRENT: Final = 0.01  # of the greatest current, up to which none is asked for,
-STANDING: Final = 0.05  # and of the greatest speed, up to which a machine stands, sensor noise and all
+STANDING: Final = 0.05  # and of the greatest speed, up to which a machine stands, sensor noise and all;
+NO_CURRENT_MA, STANDING_MPS = 5.0, 0.05  # what sensors read at rest: the greatest, where nothing ever moves
 STOPPED_S: Final = 3.0  # s without current after which a machine that is held stands,
 MOSTLY: Final = 0.9  # in so much of the time; one that rolls on every slope was seen at 0.6, held ones from 0.95 on
 
@@ -55,7 +56,8 @@ def runs(usable: np.ndarray) -> list[slice]:
 
 def standing_held(currents_ma: np.ndarray, speeds_mps: np.ndarray, period_s: float) -> np.ndarray:
     """Where brakes hold a recording's machine, (N,); nowhere, where it does not stand whenever it is left alone."""
-    idle, still = _small(currents_ma, NO_CURRENT), _small(speeds_mps, STANDING)
+    idle = _small(currents_ma, NO_CURRENT, NO_CURRENT_MA)
+    still = _small(speeds_mps, STANDING, STANDING_MPS)
     count = max(round(STOPPED_S / period_s), 1)
     alone = np.convolve(idle, np.ones(count))[: len(idle)] > count - 0.5
     alone &= np.isfinite(speeds_mps)
@@ -63,10 +65,10 @@ def standing_held(currents_ma: np.ndarray, speeds_mps: np.ndarray, period_s: flo
     return idle & still & stands
 
 
-def _small(values: np.ndarray, share: float) -> np.ndarray:
-    """Where values are no more than a share of the greatest; False where they are not known."""
+def _small(values: np.ndarray, share: float, least: float) -> np.ndarray:
+    """Where values are no more than a share of the greatest, or than `least`; False where they are not known."""
     size = np.abs(values)
-    return np.less_equal(size, share * np.nanmax(size, initial=0.0))
+    return np.less_equal(size, max(share * np.nanmax(size, initial=0.0), least))
 
 
 def states_over(

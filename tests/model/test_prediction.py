@@ -126,6 +126,14 @@ def test_a_machine_that_moves_or_is_asked_to_is_not_held():
     assert np.flatnonzero(~prediction.standing_held(current, speeds, 0.2))[20:23].tolist() == [30, 40, 50]
 
 
+def test_a_machine_that_was_parked_throughout_is_held_whatever_its_sensors_read_at_rest():
+    rng = np.random.default_rng(0)
+    current, speeds = 1.0 * rng.standard_normal(300), 0.015 * rng.standard_normal(300)
+    assert prediction.standing_held(current, speeds, 0.2).mean() > 0.99
+    rolls = np.where(np.arange(300) < 150, speeds, -0.2)
+    assert not prediction.standing_held(current, rolls, 0.2).any()
+
+
 def test_a_machine_that_rolls_where_it_is_left_alone_is_not_held():
     current, speeds, _ = standing_on_a_slope()
     speeds[40:46] = 0.3  # 6 of the 26 samples without current for 3 s

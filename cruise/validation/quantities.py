@@ -1,7 +1,7 @@
 """What a machine was doing at every sample, in quantities by which errors are sorted: recorded ones and derived ones.
 
     acceleration_k = (mean of y over the second after k - mean of y over the second before k) / (1 s + T)
-    rate_k = (u_k - u_(k - 1 s)) / 1 s
+    rate_k = (u_k - u_(k-n)) / (n T),   n = 1 s / T, whole
 
 y measured speed in m/s, u current in mA, T period in s. y_k itself is left out, so that the noise of the sample whose
 error is judged does not sort it. `time since the start` is that of the recording, or since the cruise control was
@@ -52,7 +52,7 @@ def quantities(recordings: Sequence[Recording]) -> list[Quantity]:
     ]
     u = np.concatenate([one.input for one in recordings])
     y = np.concatenate([_around(one.output, one.dt_s) for one in recordings])
-    rate = np.concatenate([(one.input - lagged(one.input, _count(one.dt_s))) / OVER_S for one in recordings])
+    rate = np.concatenate([_rate(one.input, one.dt_s) for one in recordings])
     acceleration = np.concatenate([_acceleration(one.output, one.dt_s) for one in recordings])
     since = np.concatenate([_since(one) for one in recordings])
     up_or_down = _turns(rate, STEADY * _range(u))
@@ -115,6 +115,11 @@ def _around(speed: np.ndarray, dt_s: float) -> np.ndarray:
     """The mean of the second before and the second after, without the sample itself."""
     before, after = _sides(speed, dt_s)
     return 0.5 * (before + after)
+
+
+def _rate(current: np.ndarray, dt_s: float) -> np.ndarray:
+    count = _count(dt_s)
+    return (current - lagged(current, count)) / (count * dt_s)
 
 
 def _acceleration(speed: np.ndarray, dt_s: float) -> np.ndarray:

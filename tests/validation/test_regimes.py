@@ -8,7 +8,7 @@ from scipy import signal
 
 from cruise.recording import Recording, resample
 from cruise.signals import INPUT, OUTPUT
-from cruise.validation.quantities import ACCELERATION, BRAKING, TURNS, quantities
+from cruise.validation.quantities import ACCELERATION, BRAKING, RATE, TURNS, quantities
 from cruise.validation.regimes import _best, _out_of_sample, in_words, regimes, round_edges
 from tests.validation.machine import record
 
@@ -123,6 +123,16 @@ def test_turns_and_braking_follow_the_machine(drive):
     k = int(np.nanargmax(by_key["rate of current"]))
     assert by_key[TURNS][k] == 1.0
     assert by_key["rate of current"][k] == pytest.approx(drive.input[k] - drive.input[k - 5])
+
+
+@pytest.mark.parametrize("period_s", [0.2, 0.3, 0.7, 1.6])
+def test_rates_are_per_second_at_any_period(period_s):
+    time_s = period_s * np.arange(1, 400)
+    ramps = {INPUT: 50.0 * np.abs(time_s % 20.0 - 10.0), OUTPUT: 0.1 * np.abs(time_s % 20.0 - 10.0)}
+    by_key = {one.key: one.values for one in quantities([Recording(time_s, ramps, period_s, "ramps.csv")])}
+    for key, slope in ((RATE, 50.0), (ACCELERATION, 0.1)):
+        assert np.nanmax(by_key[key]) == pytest.approx(slope)
+        assert np.nanmin(by_key[key]) == pytest.approx(-slope)
 
 
 def test_the_sample_that_is_judged_does_not_sort_itself(drive):

@@ -9,7 +9,6 @@ has its name, too, though no constant delay is a model of it.
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -24,7 +23,7 @@ from cruise.validation.selection import selected
 from cruise.validation.study import Study
 from cruise.validation.tried import ALIKE, Step
 from cruise.validation.trying import Show
-from cruise.validation.verdict import Verdict, answered, unlisted
+from cruise.validation.verdict import Answer, Verdict, answered, unlisted
 
 SEED: Final = 20051  # of the bootstrap
 AGAIN: Final = (
@@ -36,7 +35,10 @@ FARTHEST: Final = -50.0  # exponent of the share of doubt that falls on a candid
 
 @dataclass(frozen=True)
 class Ranked:
-    """An effect's line in the ranking: held-out RMS, at least `horizon_s` ahead, without and with it."""
+    """An effect's line in the ranking: held-out RMS, at least `horizon_s` ahead, without and with it.
+
+    The effects of the verdict have its confidence, look-alikes share it, all others share what is left of 1.
+    """
 
     effect: str
     error_before_mps: float
@@ -105,12 +107,11 @@ def diagnose(study: Study, show: Show = lambda text: None) -> Diagnosis:
     answer = answered(found, left, places)
     confidence = confidence_of(answer.margin, answer_of(answer.verdict, answer.effects))
     base, first = found.steps[0].before, found.steps[0]
-    ranked = answer.effects if left.dead_time else () if found.curved else found.chosen
     said = Diagnosis(
         verdict=answer.verdict,
         effects=answer.effects,
         signals=answer.signals,
-        ranking=_ranking(base, first, ranked, confidence),
+        ranking=_ranking(base, first, answer, confidence),
         look_alikes=tuple((one.name, *one.alike) for one in places if one.alike),
         next_experiment=answer.next_experiment,
         confidence=confidence,
@@ -126,14 +127,15 @@ def diagnose(study: Study, show: Show = lambda text: None) -> Diagnosis:
     return replace(said, next_experiment=AGAIN) if said.momentary else said
 
 
-def _ranking(base: Judged, first: Step, chosen: Sequence[str], confidence: float) -> tuple[Ranked, ...]:
+def _ranking(base: Judged, first: Step, answer: Answer, confidence: float) -> tuple[Ranked, ...]:
     before = math.sqrt(base.loss)
     named = [one for one in first.tried if not one.name.startswith(UNNAMED)]
     most = max((one.counted for one in named), default=0.0)
     weights = {one.name: math.exp(max((one.counted - most) / ALIKE, FARTHEST)) for one in named}
     total = sum(weights.values())
+    each = confidence / len(answer.effects) if answer.verdict is Verdict.AMBIGUOUS else confidence
     lines = []
     for one in named:
-        mine = confidence if one.name in chosen else (1.0 - confidence) * weights[one.name] / total
+        mine = each if one.name in answer.effects else (1.0 - confidence) * weights[one.name] / total
         lines.append(Ranked(one.name, before, math.sqrt(one.judged.loss), mine))
     return tuple(lines)

@@ -123,6 +123,13 @@ def test_the_ranking_is_of_errors_ahead_and_its_confidences_are_shares(which, re
         assert one.ranking[0].error_after_mps < 0.6 * before
 
 
+def test_an_effect_that_was_found_and_leaves_too_much_is_no_more_likely_than_its_evidence(grade, monkeypatch):
+    monkeypatch.setattr("cruise.validation.diagnose.left_over", lambda study, found: replace(grade.left, foretold=1.5))
+    one = diagnose(grade.study)
+    assert (one.verdict, one.effects, one.steps[0].taken) == (Verdict.UNLISTED, (), "grade")
+    assert sum(line.confidence for line in one.ranking) == pytest.approx(1.0 - one.confidence)
+
+
 @EVERY
 def test_verdicts_as_clear_as_these_are_sure(which, request):
     one = request.getfixturevalue(which)
@@ -189,6 +196,8 @@ def test_two_signals_that_move_as_one_are_not_told_apart():
     assert one.verdict is Verdict.AMBIGUOUS
     assert {"engine_speed", "oil_temperature"} <= set(one.effects)
     assert set(one.look_alikes[0]) == set(one.effects)
+    told = {line.effect: line.confidence for line in one.ranking}
+    assert [told[name] for name in one.effects] == [0.5 * one.confidence] * 2, "either is it, and nobody knows which"
     assert all(f"{name}: {EFFECTS[name].about.experiment}." in one.next_experiment for name in one.effects)
     assert one.margin < ALIKE
     assert one.confidence < confidence_of(2.0 * ALIKE, "ambiguous")

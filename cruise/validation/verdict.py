@@ -110,13 +110,16 @@ def _nothing(found: Selected, left: LeftOver, places: Sequence[Place]) -> Answer
 
 
 def _look_alikes(found: Selected, left: LeftOver, places: Sequence[Place]) -> Answer | None:
-    """One effect, and others that explain as much in its place: the two for which there is most evidence."""
+    """One effect, and others that explain as much in its place: the two for which there is most evidence.
+
+    The first is the one that the final model holds: the effect that was found, or else the one that leaves less.
+    """
     if len(places) != 1 or not places[0].alike:
         return None
     alike = (places[0].name, *places[0].alike)
     tried = {one.name: one for one in found.steps[0].tried}
     two = sorted(alike, key=lambda name: tried[name].counted, reverse=True)[:TWO]
-    two.sort(key=lambda name: tried[name].compared.loss)
+    two.sort(key=lambda name: (name != alike[0], tried[name].compared.loss))
     final = found.final if alike[0] in two else tried[two[0]].judged
     words = " ".join(f"{name}: {EFFECTS[name].about.experiment}." for name in two)
     return Answer(Verdict.AMBIGUOUS, _margin(found, left, places), final, words, tuple(two))

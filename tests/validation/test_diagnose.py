@@ -16,7 +16,9 @@ from cruise.validation.confidence import (
     confidence_of,
 )
 from cruise.validation.diagnose import Verdict, diagnose
+from cruise.validation.exchange import Place
 from cruise.validation.foretold import CHANCE
+from cruise.validation.selection import Selected
 from cruise.validation.study import study
 from cruise.validation.tried import (
     ALIKE,
@@ -26,6 +28,7 @@ from cruise.validation.tried import (
     enough,
 )
 from cruise.validation.unnamed import SPEED
+from cruise.validation.verdict import answered
 from tests.validation.diagnosing import DT_S, HEADER, PERIOD_S, PITCH, SAMPLES, SECONDS, STRUCTURE, begun, found
 from tests.validation.driving import GRAVITY_MPS2, drive, wander
 from tools.trial.run import table_without
@@ -201,6 +204,19 @@ def test_two_signals_that_move_as_one_are_not_told_apart():
     assert all(f"{name}: {EFFECTS[name].about.experiment}." in one.next_experiment for name in one.effects)
     assert one.margin < ALIKE
     assert one.confidence < confidence_of(2.0 * ALIKE, "ambiguous")
+
+
+def test_the_first_of_two_that_look_alike_is_the_one_that_the_model_holds(grade):
+    step = grade.steps[0]
+    mine, other = (next(one for one in step.tried if one.name == name) for name in ("grade", "coulomb_friction"))
+    less = replace(mine.compared, raw=0.9 * mine.compared.raw)
+    steps = (replace(step, tried=(mine, replace(other, compared=less))), *grade.steps[1:])
+    answer = answered(
+        Selected(steps, ("grade",), grade.final, ()), grade.left, [Place("grade", 1.0, ("coulomb_friction",))]
+    )
+    assert (answer.verdict, answer.effects) == (Verdict.AMBIGUOUS, ("grade", "coulomb_friction"))
+    assert answer.final is grade.final
+    assert answer.next_experiment.startswith("grade: ")
 
 
 def test_a_memory_of_the_current_that_no_effect_has_is_unlisted():

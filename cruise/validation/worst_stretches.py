@@ -76,21 +76,24 @@ def worst_stretches(
 
 def maximal_stretches(scores: np.ndarray) -> list[tuple[int, int]]:
     """All maximal scoring subsequences of `scores` (N,) as start and one past the end, in order (Ruzzo and Tompa)."""
-    kept: list[tuple[int, int, float, float]] = []  # start, stop, and the running sum before and after
+    # start, stop, the running sum before and after, and the place of the nearest earlier one with less before it
+    kept: list[tuple[int, int, float, float, int]] = []
     total = 0.0
     for k, score in enumerate(scores.tolist()):
         before, total = total, total + score
         if score <= 0.0:
             continue
-        candidate = (k, k + 1, before, total)
+        start, place = k, len(kept) - 1
         while True:
-            place = next((j for j in range(len(kept) - 1, -1, -1) if kept[j][2] < candidate[2]), None)
-            if place is None or kept[place][3] >= candidate[3]:
-                kept.append(candidate)
+            while place >= 0 and kept[place][2] >= before:
+                place = kept[place][4]
+            if place < 0 or kept[place][3] >= total:
+                kept.append((start, k + 1, before, total, place))
                 break
-            candidate = (kept[place][0], candidate[1], kept[place][2], candidate[3])
+            start, _, before, _, earlier = kept[place]
             del kept[place:]
-    return [(start, stop) for start, stop, _, _ in kept]
+            place = earlier
+    return [(start, stop) for start, stop, *_ in kept]
 
 
 def _described(

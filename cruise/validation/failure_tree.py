@@ -100,9 +100,10 @@ def failure_tree(recordings: Sequence[Recording], errors_mps: Sequence[np.ndarra
         if lows[i] > 0.0 and met >= FEWEST_BLOCKS:
             conditions = _path(tree, number)
             mine = at == number
+            lacking = {k: float(np.mean(~np.isfinite(matrix[judge][mine, k]))) for k in conditions}
             leaves.append(
                 Leaf(
-                    where=", ".join(_said(offered[k], low, high) for k, (low, high) in conditions.items()),
+                    where=", ".join(_said(offered[k], *ends, lacking[k]) for k, ends in conditions.items()),
                     keys=tuple(offered[k].key for k in conditions),
                     time_share=float(mine.mean()),
                     error_share=float(squared[judge][mine].sum() / squared[judge].sum()),
@@ -151,7 +152,20 @@ def _path(tree: DecisionTreeRegressor, leaf: int) -> dict[int, tuple[float | Non
     return dict(reversed(ranges.items()))
 
 
-def _said(quantity: Quantity, low: float | None, high: float | None) -> str:
+def _said(quantity: Quantity, low: float | None, high: float | None, lacking: float) -> str:
+    """What the samples of a leaf have in common, where a share of them is `lacking` the quantity.
+
+    An end at infinity parts them by whether it was measured at all.
+    """
+    if lacking == 1.0:
+        return f"{quantity.words} not measured"
+    if low is None and high == np.inf:
+        return f"{quantity.words} measured"
+    said = _range_in_words(quantity, low, None if high == np.inf else high)
+    return f"{said} or not measured" if lacking >= LEAST_TIME else said
+
+
+def _range_in_words(quantity: Quantity, low: float | None, high: float | None) -> str:
     """The range in words, its ends as short as the spread of the quantity allows."""
     if quantity.states:
         kept = [

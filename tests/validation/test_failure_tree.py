@@ -1,5 +1,7 @@
 """The tree finds a regime of two conditions over a signal that nobody named, and nothing in noise."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -33,6 +35,25 @@ def test_two_conditions_over_an_unnamed_column(drive):
     assert 0.0 < best.excess_low < best.error_share - best.time_share < best.excess_high
     assert best.sentence.startswith(f"{100 * best.error_share:.0f} % of the squared error stands in ")
     assert found.explained > 0.3
+
+
+@pytest.mark.parametrize("lost", [True, False])
+def test_where_a_signal_is_missing_is_a_regime_in_words(drive, lost):
+    gone = np.arange(len(drive)) // 150 % 4 == 1
+    seen = np.where(np.arange(len(drive)) // 10 % 2 == 0, 1.0, 2.0)  # of no use by its values
+    holed = replace(drive, columns={**drive.columns, "gear": np.where(gone, np.nan, seen)})
+    error = noise(len(drive), 1) * np.where(gone == lost, 8.0, 1.0)
+    (best, *_) = failure_tree([holed], [error], H).leaves
+    assert best.where == ("gear not measured" if lost else "gear measured")
+
+
+def test_a_range_with_which_the_missing_go_says_so(drive):
+    gone = np.arange(len(drive)) // 150 % 4 == 1
+    slope = np.where(gone, np.nan, drive.columns["pitch_deg"])
+    holed = replace(drive, columns={**drive.columns, "pitch_deg": slope})
+    steep = drive.columns["pitch_deg"] > 1.0
+    (best, *_) = failure_tree([holed], [noise(len(drive), 1) + 0.15 * (gone | steep)], H).leaves
+    assert best.where.endswith("or not measured")
 
 
 def test_noise_has_no_leaves(drive):

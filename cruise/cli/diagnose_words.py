@@ -238,7 +238,7 @@ def _ranking(console: Console, found: Diagnosis) -> None:
         _print(console, f"*: only what counts of it, {discounted(found)}")
     rest = len(found.ranking) - LINES
     if rest > 0:
-        _print(console, f"and {count_of(rest, 'effect')} more that explain less (--json has them all)")
+        _print(console, f"and {count_of(rest, 'effect')} more, with no more evidence (--json has them all)")
     if found.verdict is Verdict.NOTHING:
         _list(console, "what could have hidden", hidden(found))
 

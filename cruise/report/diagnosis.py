@@ -48,7 +48,7 @@ def sentence(found: Diagnosis) -> str:
             )
         case Verdict.UNLISTED:
             best = evidence.best_named(found)
-            rival = f"; the best effect, `{best.name}`, leaves {_error(best.judged)}" if best else ""
+            rival = f"; the likeliest effect, `{best.name}`, leaves {_error(best.judged)}" if best else ""
             if found.untold:
                 noise = figure(math.sqrt(found.steps[0].background.noise))
                 partly = found.steps[0].taken

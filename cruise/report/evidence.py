@@ -76,12 +76,12 @@ def fit_of(found: Diagnosis, name: str, tried: Judged) -> Judged:
 
 
 def best_named(found: Diagnosis) -> Tried | None:
-    """The effect that came out best beside the model as it was given."""
+    """The effect for which there is most evidence beside the model as it was given; another may leave less."""
     return next((one for one in found.steps[0].tried if not one.name.startswith(UNNAMED)), None)
 
 
 def best_unnamed(found: Diagnosis) -> Tried | None:
-    """The curve without physics that came out best there."""
+    """The curve without physics for which there is most evidence there."""
     return next((one for one in found.steps[0].tried if one.name.startswith(UNNAMED)), None)
 
 

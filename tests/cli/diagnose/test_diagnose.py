@@ -115,12 +115,24 @@ def test_what_is_not_in_the_table_is_named_by_its_signal_and_its_curve(hills, ca
     found = unlisted(hills)
     out = said(capsys, found)
     assert out.startswith("Something is missing that is none of the effects that cruise knows: a free curve of `pitch_")
-    assert "the best effect, `grade`, leaves" in out
+    assert "the likeliest effect, `grade`, leaves" in out
     assert "what depends on pitch_deg" in out
     assert "cruise add" not in out
     (dependence,) = report(found, MODEL, MODEL)["dependence"]
     slope = np.polyfit(dependence["values"], dependence["curve"], 1)[0]
     assert slope == pytest.approx(-PULL * 9.81 * np.pi / 180.0, rel=0.25)
+
+
+def test_the_first_by_evidence_is_called_likeliest_though_another_leaves_less(hills, monkeypatch, capsys):
+    step = hills.steps[0]
+    grade, rival = [one for one in step.tried if not one.name.startswith("unnamed:")][:2]
+    less = replace(rival, judged=replace(grade.judged, raw=0.9 * grade.judged.raw))
+    tried = tuple(less if one is rival else one for one in step.tried)
+    found = replace(unlisted(hills), steps=(replace(step, tried=tried),))
+    leaves = diagnosis.figure(evidence.error_mps(grade.judged))
+    assert f"; the likeliest effect, `grade`, leaves {leaves} (" in diagnosis.sentence(found)
+    monkeypatch.setattr(diagnose_words, "LINES", 1)
+    assert f"and {len(found.ranking) - 1} effects more, with no more evidence" in said(capsys, found)
 
 
 def test_a_column_that_may_be_what_an_effect_lacked_is_said_to(hills, capsys):

@@ -2,7 +2,8 @@
 
 An effect whose signal is missing where the drive is rough would seem to lower the error. So a signal with holes in more
 than a tenth of the time is as good as not recorded, unless the model needs it, and where one of the others has a hole,
-the recording has. What somebody asks for (lever, buttons) acts through the current, and is no candidate at all.
+the recording has. What somebody asks for (lever, buttons) acts through the current, and another reading of the speed
+answers to all that moves the machine: they are no candidates at all.
 """
 
 from collections.abc import Collection, Sequence
@@ -13,6 +14,7 @@ import numpy as np
 
 from cruise.recording import Recording, listed
 from cruise.signals import ASKED, INPUT, OUTPUT
+from cruise.validation.readings import other_readings
 
 SHOWN: Final = 3  # recordings that are named
 LEAST_KNOWN: Final = 0.9  # of the time in which current and speed are known
@@ -34,6 +36,8 @@ def complete(recordings: Sequence[Recording], needed: Collection[str]) -> list[R
     """The recordings with holes where a signal has one, without the signals that have too many; their notes say so."""
     names = set.intersection(*(set(one.columns) for one in recordings)) - {INPUT, OUTPUT}
     names -= ASKED.difference(needed)
+    answers = [name for name in other_readings(recordings) if name not in needed]
+    names -= set(answers)
     there = [np.isfinite(one.input) & np.isfinite(one.output) for one in recordings]
     driven = max(sum(int(known.sum()) for known in there), 1)
 
@@ -49,6 +53,7 @@ def complete(recordings: Sequence[Recording], needed: Collection[str]) -> list[R
     shares = {name: share([name]) for name in names}
     spare = sorted(names.difference(needed), key=lambda name: (shares[name], name))
     notes = _not_everywhere(recordings)
+    notes += [f"{name}: goes with the ground speed itself, left out: it is an answer, no cause" for name in answers]
     while spare and share(names) < LEAST_KNOWN * share(names.intersection(needed)):
         name = spare.pop(0)
         names.discard(name)
@@ -56,6 +61,6 @@ def complete(recordings: Sequence[Recording], needed: Collection[str]) -> list[R
     result = []
     for one, known in zip(recordings, known_in(names), strict=True):
         columns = {name: values for name, values in one.columns.items() if name in names}
-        drive = {name: np.where(known, one.columns[name], np.nan) for name in (INPUT, OUTPUT)}
+        drive = {INPUT: one.input, OUTPUT: np.where(known, one.output, np.nan)}
         result.append(replace(one, columns={**columns, **drive}, notes=(*one.notes, *notes)))
     return result

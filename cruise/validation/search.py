@@ -27,6 +27,8 @@ from cruise.validation.told import kinds_of
 from cruise.validation.unnamed import RestCurrent
 
 FOLDS: Final = 5
+FEW_BLOCKS: Final = 3  # of which a spread says nothing,
+USUAL_BLOCKS: Final = 8  # and from which on what is sure was found to be so as often as it should
 BLOCK_S: Final = 20.0  # s: longer than any disturbance that the autoregression leaves behind
 DAMPING: Final = 1e-3  # of the diagonal, in the step to a fold's parameters: directions that nothing excites stay
 PARTS: Final = (1.0, 0.3)  # of that step, or none: the errors are not quite linear in the parameters
@@ -286,7 +288,8 @@ class Search:
     def _sandwich(self, found: Fit, slopes: np.ndarray, inverse: np.ndarray) -> np.ndarray:
         pulls = np.zeros((int(self.blocks.max()) + 1, slopes.shape[1]))
         np.add.at(pulls, self.blocks, slopes * bounded(found.error_mps)[:, None])
-        return inverse @ (pulls.T @ pulls) @ inverse
+        judged = len(np.unique(self.blocks[np.isfinite(found.error_mps)]))
+        return inverse @ (pulls.T @ pulls) @ inverse * few(judged) ** 2
 
     def ahead_rms_mps(self, judged: Judged, horizon_s: float) -> float:
         """RMS in m/s of the discrete model's error `horizon_s` ahead, every sample by the fold that has not seen it."""
@@ -375,8 +378,13 @@ def sureness(without: Judged, with_it: Judged, rng: np.random.Generator) -> floa
         second = (other[both] * weight)[picks].sum(axis=1)
         ratios.append(np.log(second / first))
     mean = 0.5 * (ratios[0] + ratios[1])
-    spread = float(mean.std())
+    spread = float(mean.std()) * max(few(len(weight)) / few(USUAL_BLOCKS), 1.0)
     return float(-mean.mean() / spread) if spread > 0 else 0.0
+
+
+def few(blocks: int) -> float:
+    """By how much a standard error over so few blocks has to be larger: the spread of Student's t, at worst infinite."""
+    return math.sqrt((blocks - 1) / (blocks - FEW_BLOCKS)) if blocks > FEW_BLOCKS else math.inf
 
 
 def _blocks(scene: Scene) -> np.ndarray:

@@ -3,9 +3,11 @@
     y_k = pi_k [ a y_(k-1) + (1 - a)(K g_k w_k + l_k sum_m c_m phi_m,k + c_0) ] + (1 - pi_k) y_(k-1),   w = h * f(u)
 
 Every segment starts `WARM_UP_S` before the first sample on which it is judged and ends `JUDGED_S` after it; the judged
-parts of all segments tile the recording. So every error is that of a prediction at least 3 s ahead, no disturbance is
-dragged along for longer than a segment, and all segments advance together as one array. What doesn't read the speed
-is computed ahead of the recursion, once for all explanations that agree on it.
+parts of all segments tile what is recorded without a hole. None reaches over a hole: the next one starts behind it, so
+that all explanations are judged on the same samples, however long they remember what the current was there. So every
+error is that of a prediction at least 3 s ahead, no disturbance is dragged along for longer than a segment, and all
+segments advance together as one array. What doesn't read the speed is computed ahead of the recursion, once for all
+explanations that agree on it.
 Loads that brakes hold are none where a machine stands held, as in `cruise.model.prediction`.
 """
 
@@ -27,6 +29,7 @@ from cruise.validation.slope import PITCH, SLOPE, pitch_share, slope_deg
 
 WARM_UP_S: Final = 3.0  # s, the paper's horizon: what a prediction at least has to reach, unless told otherwise
 JUDGED_S: Final = 6.0  # s; longer costs more steps, shorter more starts; in proportion where the horizon is shorter
+SETTLES_S: Final = 2.0  # s after a hole in the current until a drive has forgotten what it was; the same
 RAN_AWAY_MPS: Final = 1e3  # m/s, a speed or an error beyond which no more is to be learned
 SAME_TIME: Final = 0.01  # of a period: time stamps that differ by less are one
 CACHED_BYTES: Final = 24_000_000  # of what is kept; what was made first is forgotten first
@@ -38,41 +41,30 @@ def paced(span_s: float, horizon_s: float) -> float:
 
 
 class Raw:
-    """The current of one recording at the rate of its measurement, and the samples of which each mean is one."""
+    """The current of one recording at the rate of its measurement, held through holes, and its means over periods."""
 
     def __init__(self, fine: Recording, coarse: Recording) -> None:
         self.dt_s = fine.dt_s
-        self.current_ma = fine.input
-        edges = np.concatenate([[coarse.time_s[0] - coarse.dt_s], coarse.time_s]) - SAME_TIME * fine.dt_s
-        self.edges = np.searchsorted(fine.since_s, edges)
-        counts = np.diff(self.edges)
-        self.each = int(counts[0]) if len(counts) and (counts == counts[0]).all() else 0  # samples in every period
+        self.current_ma = _held(fine.input)
+        edges_s = np.concatenate([[coarse.time_s[0] - coarse.dt_s], coarse.time_s])
+        places = (edges_s - fine.since_s[0]) / fine.dt_s  # of the edges of the periods, in samples
+        whole = np.round(places)
+        self.places = np.where(np.abs(places - whole) < SAME_TIME, whole, places)
+        counts = np.diff(self.places)
+        even = (self.places == whole).all() and (counts == counts[0]).all() and self.places[-1] <= len(fine)
+        self.each = int(counts[0]) if even and self.places[0] >= 0 else 0  # samples in every period
         self.same = len(fine) == len(coarse)
 
-    def without_holes(self, drive_ma: np.ndarray, core: Core) -> np.ndarray:
-        """What arrives at the vehicle; NaN after a hole for as long as the core remembers it."""
-        known = np.isfinite(drive_ma)
-        if known.all():
-            return core.felt(drive_ma, self.dt_s)
-        if not known.any():
-            return np.full(len(drive_ma), np.nan)
-        last = np.maximum.accumulate(np.where(known, np.arange(len(drive_ma)), -1))
-        filled = np.where(last >= 0, drive_ma[np.maximum(last, 0)], drive_ma[np.argmax(known)])
-        hole = np.maximum.accumulate(np.where(known, -np.inf, np.arange(len(drive_ma), dtype=float)))
-        forgotten = np.arange(len(drive_ma)) - hole > core.memory_s / self.dt_s
-        return np.where(forgotten, core.felt(filled, self.dt_s), np.nan)
-
     def means(self, values: np.ndarray) -> np.ndarray:
-        """Means (N,) of `values` over each period; NaN where one of them is."""
+        """Means (N,) over each period of `values` that are each held until the next."""
         if self.same:
             return values
         if self.each:
-            return values[self.edges[0] : self.edges[-1]].reshape(-1, self.each) @ np.full(self.each, 1.0 / self.each)
-        total = np.concatenate([[0.0], np.cumsum(np.nan_to_num(values))])
-        holes = np.concatenate([[0], np.cumsum(np.isnan(values))])
-        count = np.diff(self.edges)
-        known = (np.diff(holes[self.edges]) == 0) & (count > 0)
-        return np.where(known, np.diff(total[self.edges]) / np.maximum(count, 1), np.nan)
+            first, last = int(self.places[0]), int(self.places[-1])
+            return values[first:last].reshape(-1, self.each) @ np.full(self.each, 1.0 / self.each)
+        total = np.concatenate([[0.0], np.cumsum(values)])
+        within = np.clip(self.places, 0.0, len(values))
+        return np.diff(np.interp(within, np.arange(len(total)), total)) / np.maximum(np.diff(within), SAME_TIME)
 
 
 class Scene:
@@ -114,11 +106,11 @@ class Scene:
         spans_s = self.horizon_s, paced(JUDGED_S, self.horizon_s)
         warm_up, judged = (max(round(span_s / self.period_s), 1) for span_s in spans_s)
         starts, stops = [], []
-        for part in self.parts:
-            first = part.start + 1
-            while first + warm_up - 1 < part.stop:
+        for whole in self._whole():
+            first = whole.start + 1
+            while first + warm_up - 1 < whole.stop:
                 starts.append(first)
-                stops.append(min(first + warm_up + judged, part.stop))
+                stops.append(min(first + warm_up + judged, whole.stop))
                 first += judged
         self.steps = np.array(starts, int)[None, :] + np.arange(warm_up + judged)[:, None]  # (T, S)
         inside = self.steps < np.array(stops, int)[None, :]
@@ -133,6 +125,18 @@ class Scene:
         self._place[self.steps[self.shown]] = np.flatnonzero(self.shown)
         past = self.speed_mps[self.steps[0] - 1] if len(starts) else np.zeros(0)
         self.start_mps = past
+
+    def _whole(self) -> list[slice]:
+        """The stretches of the recordings without a hole, none over two of them."""
+        settles = round(paced(SETTLES_S, self.horizon_s) / self.period_s)
+        found = []
+        for part in self.parts:
+            hole = np.isnan(self.current_ma[part])
+            unsettled = np.convolve(hole, np.ones(settles + 1))[: len(hole)] > 0.5
+            known = np.isfinite(self.speed_mps[part]) & ~unsettled
+            edges = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]]))) + part.start
+            found += [slice(int(first), int(stop)) for first, stop in edges.reshape(-1, 2)]
+        return found
 
     # -- what does not depend on the speed, computed once
 
@@ -192,7 +196,7 @@ class Scene:
         def make() -> np.ndarray:
             parts = []
             for raw, values in zip(self.raw, self._reshaped(effects), strict=True):
-                parts.append(raw.means(raw.without_holes(values, shape)))
+                parts.append(raw.means(shape.felt(values, raw.dt_s)))
             return np.concatenate(parts)
 
         return self._kept((shape, tuple(effects), "felt"), make)
@@ -299,6 +303,15 @@ class Scene:
         """Measured minus simulated speed (P, N) in m/s, NaN where nothing is judged."""
         with np.errstate(over="ignore", invalid="ignore"):
             return self.speed_mps - self.simulate(batch)
+
+
+def _held(values: np.ndarray) -> np.ndarray:
+    """Values (N,) whose holes hold what was last known; those at first what is known first, zero where nothing is."""
+    known = np.isfinite(values)
+    if known.all() or not known.any():
+        return np.nan_to_num(values)
+    last = np.maximum.accumulate(np.where(known, np.arange(len(values)), np.argmax(known)))
+    return values[last]
 
 
 def _stacked(effects: Sequence[Effect]) -> Effect:

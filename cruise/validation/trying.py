@@ -17,7 +17,7 @@ import numpy as np
 from cruise.effects import EFFECTS
 from cruise.validation.background import STRUCTURAL, Background
 from cruise.validation.candidates import MEDIATORS, UNNAMED, Candidate, EffectCandidate, with_effect, without
-from cruise.validation.explanation import Explanation
+from cruise.validation.explanation import RESONANCE, Explanation
 from cruise.validation.fitting import Fit
 from cruise.validation.mediator import (
     SHOWN,
@@ -119,7 +119,7 @@ def tried_beside(
             told = _by_pressure(search, present, one, everyone)
             if not of_its_own(present.loss, one.loss, told.loss, held):
                 credit[one.candidate] = 0.0
-    if stands_in_for_dead_time(search, judged):
+    if stands_in_for_dead_time(search, judged) or not rings(judged):
         credit["resonance"] = 0.0
     if takes_acceleration_for_slope(present, judged):
         credit["grade"] = 0.0
@@ -180,6 +180,12 @@ def stands_in_for_dead_time(search: Search, judged: Sequence[Judged]) -> bool:
     core, most_s = resonance.explanation.core, search.most_delay_s(resonance.explanation)
     late = core.delay_s > (1.0 - AT_BOUND) * most_s
     return late and delay.loss < LOOSE * resonance.loss
+
+
+def rings(judged: Sequence[Judged]) -> bool:
+    """Whether a resonance, if one is tried, has less damping than there may be: with that much a response only lags."""
+    damping = [one.explanation.core.damping for one in judged if one.candidate == "resonance"]
+    return all(one < (1.0 - AT_BOUND) * RESONANCE["damping"].high for one in damping)
 
 
 def taken_for_the_other(search: Search, present: Judged, judged: Sequence[Judged]) -> tuple[str, ...]:

@@ -29,7 +29,7 @@ def test_a_signal_with_many_holes_is_left_out_and_one_with_few_makes_holes_of_th
     assert set(one.columns) == {INPUT, OUTPUT, "pitch_deg"}
     assert one.notes == ("oil_temperature_c: known in 60 % of the time only, left out: it can't be blamed",)
     assert np.flatnonzero(np.isnan(one.output)).tolist() == [90, 91, 92, 93, 94]
-    assert np.isnan(one.input[90:95]).all()
+    assert np.isfinite(one.input).all(), "what is known of the current acts on what comes behind the hole"
 
 
 def test_what_some_recordings_lack_is_said_with_their_names():
@@ -63,6 +63,15 @@ def test_what_is_asked_for_is_no_cause_unless_a_term_of_the_user_reads_it():
     told = replace(one, columns={**one.columns, **asked})
     assert set(complete([told], ())[0].columns) == set(one.columns)
     assert set(complete([told], ("lever_pct",))[0].columns) == {*one.columns, "lever_pct"}
+
+
+def test_another_reading_of_the_speed_is_no_cause_unless_a_term_of_the_user_reads_it():
+    one = recorded()
+    told = replace(one, columns={**one.columns, "by_satellite_kmh": 3.6 * one.output})
+    (left,) = complete([told], ())
+    assert set(left.columns) == set(one.columns)
+    assert left.notes == ("by_satellite_kmh: goes with the ground speed itself, left out: it is an answer, no cause",)
+    assert "by_satellite_kmh" in complete([told], {"by_satellite_kmh"})[0].columns
 
 
 @pytest.mark.parametrize("from_s", [0.0, SECONDS / 2])

@@ -86,6 +86,15 @@ def test_sureness_is_the_standard_error_of_the_mean_log_ratio():
     assert found == pytest.approx(expected, rel=0.25)
 
 
+@pytest.mark.parametrize(("blocks", "share"), [(1, 0.0), (3, 0.0), (4, 0.68), (6, 0.92), (8, 1.0), (60, 1.0)])
+def test_few_blocks_are_never_sure(blocks, share):
+    """Draws from one block are all alike; from three, t has no spread at all."""
+    ratios = np.exp(-0.5 + 0.4 * np.resize([-1.0, 1.0], blocks))
+    found = sureness(hand_made(np.ones(blocks)), hand_made(ratios), np.random.default_rng(4))
+    usual = 0.5 / max(0.4 / np.sqrt(blocks), 1e-9)
+    assert found == pytest.approx(share * usual, rel=0.2)
+
+
 def test_sureness_weighs_blocks_by_their_samples():
     before = hand_made(np.ones(12), weight=[1e-9] * 6 + [50.0] * 6)
     after = hand_made([3.0] * 6 + [0.7, 0.8, 0.7, 0.8, 0.7, 0.8], weight=[1e-9] * 6 + [50.0] * 6)

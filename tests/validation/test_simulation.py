@@ -26,7 +26,7 @@ from cruise.recording import Recording, resample
 from cruise.signals import INPUT, OUTPUT
 from cruise.validation import simulation
 from cruise.validation.explanation import Explanation
-from cruise.validation.simulation import JUDGED_S, RAN_AWAY_MPS, WARM_UP_S, Scene
+from cruise.validation.simulation import JUDGED_S, RAN_AWAY_MPS, SETTLES_S, WARM_UP_S, Scene
 from tests.validation.driving import drive, wander
 
 PERIOD_S = 0.2
@@ -322,52 +322,85 @@ def changed(one: Recording, holed: Recording, explanation: Explanation) -> np.nd
     return lost
 
 
-def test_a_hole_in_a_measured_speed_costs_the_error_there_and_the_segments_that_start_in_it():
+def not_judged(scene: Scene, explanation: Explanation) -> np.ndarray:
+    """The samples behind the first segment's warm-up that have no error."""
+    (error,) = scene.errors([explanation])
+    np.testing.assert_array_equal(np.isfinite(error), scene.judged)
+    return np.flatnonzero(np.isnan(error[AHEAD:])) + AHEAD
+
+
+PLAIN = Explanation(CORE, (), (), 0.1)
+RINGING = Explanation(replace(CORE, resonance_share=0.8, resonance_hz=0.4, damping=0.03, lag_s=2.0), (), (), 0.1)
+HYSTERESIS = Explanation(CORE, (Hysteresis(60.0),), (), 0.1)
+SETTLES = round(SETTLES_S / PERIOD_S)
+
+
+@pytest.mark.parametrize("explanation", [PLAIN, RINGING, HYSTERESIS], ids=["plain", "ringing", "hysteresis"])
+def test_a_hole_costs_every_explanation_the_same_samples_however_long_it_remembers(explanation):
+    """Else who remembers for long would be judged by few samples, and seem to err little."""
     one = recording(60.0)
-    explanation = Explanation(CORE, (), (), 0.1)
-    inside = with_hole(one, OUTPUT, 70, 73)  # no segment starts there
-    assert not changed(one, inside, explanation).any()
-    errors = scene_of(inside).errors([explanation])[0]
-    np.testing.assert_array_equal(np.flatnonzero(np.isnan(errors[AHEAD:])) + AHEAD, [70, 71, 72])
-    at_start = with_hole(one, OUTPUT, 60, 61)
-    np.testing.assert_array_equal(np.flatnonzero(changed(one, at_start, explanation)), np.arange(75, 105))
+    assert not len(not_judged(scene_of(one), explanation))
+    in_speed = scene_of(with_hole(one, OUTPUT, 70, 73))
+    np.testing.assert_array_equal(not_judged(in_speed, explanation), np.arange(70, 73 + AHEAD))
+    in_current = scene_of(with_hole(one, INPUT, 110, 112))
+    np.testing.assert_array_equal(not_judged(in_current, explanation), np.arange(110, 112 + SETTLES + AHEAD))
 
 
-@pytest.mark.parametrize(("hole", "last"), [((110, 112), 134), ((114, 116), 164)])
-def test_a_hole_in_the_current_costs_what_remembers_it(hole, last):
-    """Segments start from the speeds 90 and 120: the memory of the later hole reaches into both."""
+def test_no_prediction_reaches_over_a_hole():
+    """What moved the machine there, such as its brake, would stand in all that was predicted from before it."""
+    one = recording(60.0)
+    elsewhere = np.array(one.output)
+    elsewhere[:75] += 1.0
+    moved = replace(one, columns={**one.columns, OUTPUT: elsewhere})
+    holed = [with_hole(each, OUTPUT, 70, 75) for each in (one, moved)]
+    (before,), (after,) = (scene_of(each).simulate([PLAIN]) for each in holed)
+    np.testing.assert_array_equal(before[75:], after[75:])
+
+
+def test_after_a_hole_in_the_current_the_core_is_where_the_current_before_it_would_have_brought_it():
     one = recording(60.0)
     explanation = Explanation(CORE, (DeadZone(200.0),), (), 0.1)
-    holed = with_hole(one, INPUT, *hole)
-    felt = scene_of(holed).felt(CORE, (DeadZone(200.0),))
-    memory = int(CORE.memory_s / PERIOD_S)
-    np.testing.assert_array_equal(np.flatnonzero(np.isnan(felt)), np.arange(hole[0], hole[1] + memory))
-    (whole,), (poor,) = scene_of(one).simulate([explanation]), scene_of(holed).simulate([explanation])
-    lost = np.flatnonzero(np.isfinite(whole) & np.isnan(poor))
-    np.testing.assert_array_equal(lost, np.arange(hole[0], last + 1))
-    kept = np.isfinite(poor)
-    # After it the core is where the current before the hole, held, would have brought it: right to its tail.
-    assert np.max(np.abs(poor[kept] - whole[kept])) < TAIL * CORE.gain_mps_per_ma * np.ptp(one.input)
+    holed = with_hole(one, INPUT, 110, 112)
+    whole, poor = (scene_of(each).felt(CORE, (DeadZone(200.0),)) for each in (one, holed))
+    assert np.isfinite(poor).all()
+    settled = slice(112 + SETTLES, None)
+    assert np.max(np.abs(poor[settled] - whole[settled])) < TAIL * np.ptp(one.input)
+    assert np.isfinite(scene_of(holed).simulate([explanation])[0]).sum() > 200
 
 
 def test_a_hole_in_the_current_of_a_finer_recording_costs_the_periods_that_hold_it():
     fine = recording(40.0, dt_s=0.05)
-    holed = with_hole(fine, INPUT, 400, 401)
-    felt = scene_of(resample(holed, PERIOD_S), raw=(holed,)).felt(replace(CORE, delay_s=0.0), ())
-    edges = holed.time_s[400], holed.time_s[400] + replace(CORE, delay_s=0.0).memory_s
-    time_s = resample(holed, PERIOD_S).time_s
-    expected = (time_s > edges[0] - 1e-6) & (time_s - PERIOD_S < edges[1] + 1e-6)
-    assert np.isnan(felt).sum() > 3
-    assert np.abs(np.isnan(felt).astype(int) - expected).sum() <= 1
-    np.testing.assert_array_equal(np.isnan(felt) & ~expected, False)
+    holed = with_hole(fine, INPUT, 400, 420)
+    coarse = resample(holed, PERIOD_S)
+    hole = np.flatnonzero(np.isnan(coarse.input))
+    assert 2 < len(hole) < 7
+    scene = scene_of(coarse, raw=(holed,))
+    assert np.isfinite(scene.felt(replace(CORE, delay_s=0.0), ())).all()
+    np.testing.assert_array_equal(not_judged(scene, PLAIN), np.arange(hole[0], hole[-1] + 1 + SETTLES + AHEAD))
 
 
 @pytest.mark.parametrize("effect", [Hysteresis(60.0), RateLimit(400.0, 0.1), DeadZone(300.0)])
 def test_a_command_with_memory_lives_on_after_a_hole(effect):
     one = recording(60.0)
-    holed = with_hole(one, INPUT, 100, 103)
-    drive_ma, _ = scene_of(holed).drive((effect,))
-    np.testing.assert_array_equal(np.flatnonzero(np.isnan(drive_ma)), [100, 101, 102])
+    held = np.array(one.input)
+    held[100:103] = held[99]
+    drives = [
+        scene_of(each).drive((effect,))[0]
+        for each in (with_hole(one, INPUT, 100, 103), replace(one, columns={**one.columns, INPUT: held}))
+    ]
+    np.testing.assert_array_equal(*drives)
+
+
+@pytest.mark.parametrize("dt_s", [0.05, 0.07, 0.12, 0.15, 0.18])
+def test_a_mean_is_over_its_period_at_any_rate_of_the_recording(dt_s):
+    fine = recording(40.0, dt_s=dt_s)
+    coarse = resample(fine, PERIOD_S)
+    each_ms = np.repeat(fine.input, round(1000.0 * dt_s))  # from the first sample's time on
+    ends = np.round(1000.0 * (coarse.time_s - fine.since_s[0])).astype(int)
+    inside = (ends >= 200) & (ends <= len(each_ms))
+    exact = np.array([each_ms[end - 200 : end].mean() for end in ends[inside]])
+    means, _ = scene_of(coarse, raw=(fine,)).drive(())
+    np.testing.assert_allclose(means[inside], exact, rtol=0.0, atol=1e-6)
 
 
 @pytest.mark.parametrize(

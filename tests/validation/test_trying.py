@@ -22,6 +22,7 @@ from cruise.validation.trying import (
     SURE_OF_SLIP,
     of_its_own,
     of_the_best_kind,
+    rings,
     stands_in_for_dead_time,
     taken_for_the_other,
     takes_acceleration_for_slope,
@@ -159,6 +160,20 @@ def test_a_resonance_that_needs_all_the_dead_time_there_may_be_stands_in_for_mor
     assert not stands_in_for_dead_time(plain.search, [judged("resonance", most_s, 0.7), delay]), "it rings"
     assert stands_in_for_dead_time(plain.search, [judged("resonance", most_s, 0.95)]), "more is not to be had"
     assert not stands_in_for_dead_time(plain.search, [delay])
+
+
+def test_a_resonance_as_damped_as_none_is_none(plain):
+    """A loop that closes quickly and creeps to its end leaves what a damped pair takes, too."""
+
+    def judged(damping: float) -> Judged:
+        core = replace(plain.base.explanation.core, resonance_share=0.5, damping=damping)
+        there = plain.search.plan(replace(plain.base.explanation, core=core, structural=frozenset({"resonance"})))
+        fit = replace(plain.base.fit, layout=there, vector=there.vector)
+        return replace(plain.base, candidate="resonance", fit=fit)
+
+    assert rings([judged(0.3)])
+    assert not rings([judged(0.6)])
+    assert rings([replace(judged(0.6), candidate="grade")])
 
 
 @pytest.mark.parametrize(

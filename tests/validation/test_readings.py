@@ -1,0 +1,70 @@
+"""A second reading of the speed is told from what moves for reasons of its own."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cruise.recording import Recording
+from cruise.signals import OUTPUT
+from cruise.validation.readings import other_readings
+from tests.validation.driving import drive, wander
+
+DT_S, SECONDS = 0.1, 240.0
+SAMPLES = round(SECONDS / DT_S)
+
+
+def with_column(one: Recording, values: np.ndarray, name: str = "by_satellite") -> Recording:
+    return replace(one, columns={**one.columns, name: values})
+
+
+def driven(seed: int = 3, **columns: np.ndarray) -> Recording:
+    return drive(SECONDS, seed, DT_S, columns=columns)
+
+
+READINGS = {
+    "another unit, and noise": lambda y: 3.6 * y + np.random.default_rng(1).normal(0.0, 0.2, len(y)),
+    "a second late": lambda y: np.roll(y, 10),
+    "a mean over the last second": lambda y: np.convolve(y, np.ones(10) / 10)[: len(y)],
+    "once a second": lambda y: np.repeat(y[::10], 10),
+    "backward is negative": lambda y: -y,
+    "lost at times": lambda y: np.where(np.arange(len(y)) % 50 < 10, np.nan, y),
+}
+
+
+@pytest.mark.parametrize("reading", READINGS)
+def test_another_reading_of_the_speed_is_told(reading):
+    one = driven()
+    assert other_readings([with_column(one, READINGS[reading](one.output))]) == ["by_satellite"]
+
+
+def test_a_sensor_that_does_not_know_forward_from_backward_is_told():
+    one = driven()
+    turning = np.sign(wander(SAMPLES, DT_S, 1, 1.0, 10.0))
+    one = replace(one, columns={**one.columns, OUTPUT: turning * one.output})
+    assert other_readings([with_column(one, np.abs(one.output))]) == ["by_satellite"]
+
+
+def test_the_turns_of_a_shaft_before_the_gears_are_told_over_several_gears():
+    gear = np.where(np.arange(SAMPLES) < SAMPLES // 2, 1.0, 3.0)
+    one, other = driven(gear=gear), driven(4, gear=np.full(SAMPLES, 2.0))
+    ratios = {1.0: 1200.0, 2.0: 700.0, 3.0: 350.0}
+    both = [
+        with_column(each, np.array([ratios[g] for g in each.columns["gear"]]) * each.output, "motor_rpm")
+        for each in (one, other)
+    ]
+    assert other_readings(both) == ["motor_rpm"]
+
+
+def test_what_moves_for_reasons_of_its_own_is_none_though_it_moves_the_machine_or_goes_with_it():
+    header = wander(SAMPLES, DT_S, 2, 1.0, 8.0)
+    one = drive(SECONDS, 3, DT_S, load_mps=-0.4 * header, columns={"header_height": header})
+    lifted = one.output - one.output.mean()
+    follows = 0.8 * lifted / lifted.std() + 0.6 * wander(SAMPLES, DT_S, 5, 1.0, 8.0)
+    one = with_column(with_column(one, follows, "follows"), np.full(SAMPLES, 7.3), "still")
+    assert other_readings([one]) == []
+
+
+def test_a_signal_with_a_meaning_is_never_one():
+    one = driven()
+    assert other_readings([with_column(one, one.output, "wheel_speed_mps")]) == []

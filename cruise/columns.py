@@ -18,7 +18,7 @@ from cruise.grid import SAME_STEP, other_rates, typical_step
 from cruise.recording import MIN_SAMPLES, Readings, Recording, RecordingError, listed, on_grid
 from cruise.sampling import FloatArray, stale_after
 from cruise.signals import CONTEXT, INPUT, OUTPUT, SIGNALS
-from cruise.units import FULL_MA, UNITS, bracketed, entry, spelt
+from cruise.units import FULL_MA, MA_PER_UNIT, UNITS, InputUnit, bracketed, entry, spelt
 
 TIME: Final = "time_s"
 MAX_STEP_S: Final = 3.0  # no prediction that is judged 3 s ahead can be made from rarer readings
@@ -28,9 +28,10 @@ CLOCK_DIGITS: Final = 6  # of s: seconds since 1970 hold no more
 CLOCK_S: Final = 1e8  # s, three years: times beyond are those of a clock, and no drive's own
 MOST_CODES: Final = 3  # "specific", "error" and "not available" of J1939-71; what is measured has more values
 CODES_APART: Final = 0.25  # of a signal's range, by which they are apart from all that was measured
-SHARES: Final = ((3.0, "A or a share of all", FULL_MA), (150.0, "per cent", 0.01 * FULL_MA))
-"""The largest input that is none in mA, what it is, and mA per unit of it: no pump's servo moves below 150 mA, and none
-takes 3 A."""
+SHARES: Final[tuple[tuple[float, InputUnit], ...]] = (
+    (3.0, "A or a share of all"), (150.0, "per cent"), (math.inf, "mA"),
+)  # fmt: skip
+"""The largest input and what it is taken to be in: no pump's servo moves below 150 mA, and none takes 3 A."""
 
 
 class ColumnSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -234,7 +235,7 @@ def _by_name(name: str, unit: str, notes: list[str]) -> ColumnSettings | None:
     return ColumnSettings(scale=scale, offset=offset)
 
 
-def _in_ma(name: str, signals: dict[str, Readings], settings: RecordingSettings, notes: list[str]) -> str:
+def _in_ma(name: str, signals: dict[str, Readings], settings: RecordingSettings, notes: list[str]) -> InputUnit:
     """Read an input too small for a pump's current as a share of FULL_MA; where its name says mA, say so only.
 
     Returns what unit its size tells; nothing where the settings or the name say it, or the input never moves.
@@ -245,7 +246,8 @@ def _in_ma(name: str, signals: dict[str, Readings], settings: RecordingSettings,
     said = spelt(name, "mA")
     if name in settings.columns or not most or (said not in ("", "mA") and bracketed(name)):
         return ""
-    unit, scale = next(((unit, scale) for most_of, unit, scale in SHARES if most <= most_of), ("mA", 1.0))
+    unit = next(unit for most_of, unit in SHARES if most <= most_of)
+    scale = MA_PER_UNIT[unit]
     if unit == "mA":
         return "" if said == "mA" else unit
     small = f"{name}: {most:.3g} at most, no current in mA moves a machine"

@@ -17,6 +17,7 @@ import numpy as np
 from cruise.grid import SAME_STEP, between, denser, sensible_step, snapped, typical_step
 from cruise.sampling import FloatArray, Kind, kind_of, means, stale_after
 from cruise.signals import INPUT, OUTPUT, SIGNALS
+from cruise.units import InputUnit
 
 MIN_SAMPLES: Final = 10  # fewer cannot hold even the shortest model's past and a 3 s horizon at 5 Hz
 MAX_SAMPLES: Final = 5_000_000  # 14 h at 100 Hz, 40 MB a signal
@@ -54,7 +55,7 @@ class Recording:
     notes: tuple[str, ...] = ()
     stamps_s: FloatArray | None = None
     averaged: bool = False
-    input_unit: str = ""
+    input_unit: InputUnit = ""
 
     def __post_init__(self) -> None:
         for name in (INPUT, OUTPUT):
@@ -114,16 +115,8 @@ def resample(recording: Recording, dt_s: float) -> Recording:
 
 
 def notes_of(recordings: Sequence[Recording]) -> list[str]:
-    """Return what was lost or mended in the recordings, under the names of their files, and inputs of unlike scales."""
-    notes = [f"{Path(one.source).name}: {note}" for one in recordings for note in one.notes]
-    units = {one.input_unit: Path(one.source).name for one in recordings if one.input_unit}
-    if len(units) > 1:
-        read_as = ", ".join(f"{name} as {unit}" for unit, name in units.items())
-        notes.append(
-            f"the inputs are read in several scales, {read_as}; "
-            "scale under columns: in the file of --columns says which it is"
-        )
-    return notes
+    """Return what was lost or mended in the recordings, under the names of their files."""
+    return [f"{Path(one.source).name}: {note}" for one in recordings for note in one.notes]
 
 
 def on_grid(

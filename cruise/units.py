@@ -1,7 +1,7 @@
 """Units of a file's columns: which their names say, and how values in them become values in this project's units."""
 
 import re
-from typing import Final
+from typing import Final, Literal
 
 FULL_MA: Final = 1000.0  # mA, what an input that is a share of all is taken to be of
 UNITS: Final[dict[str, dict[str, tuple[float, float]]]] = {
@@ -15,6 +15,10 @@ UNITS: Final[dict[str, dict[str, tuple[float, float]]]] = {
     "bar": {"bar": (1.0, 0.0), "kPa": (0.01, 0.0), "psi": (0.0689476, 0.0)},
 }
 """Units of a file by the unit of the signal: scale and offset."""
+InputUnit = Literal["", "mA", "per cent", "A or a share of all"]
+"""What the size of an input tells of its unit; empty where its name or the settings say it, or it hardly ever moves."""
+MA_PER_UNIT: Final[dict[InputUnit, float]] = {"mA": 1.0, "per cent": 0.01 * FULL_MA, "A or a share of all": FULL_MA}
+"""Those that an input may be in, the ones of greater numbers first."""
 SPELT: Final = {
     "pct": "%", "percent": "%", "mps": "m/s", "kmh": "km/h", "kph": "km/h", "mmps": "mm/s", "rps": "1/s", "hz": "1/s",
     "amps": "A", "radps": "rad/s", "c": "degC", "f": "degF", "°c": "degC", "°f": "degF", "°": "deg", "1/min": "rpm",

@@ -6,7 +6,7 @@ import pytest
 
 from cruise.columns import ActiveWhen, ColumnSettings, RecordingSettings, arranged
 from cruise.csv_file import read_csv
-from cruise.recording import Readings, Recording, RecordingError, notes_of, resample
+from cruise.recording import Readings, RecordingError
 from cruise.signals import INPUT, OUTPUT
 from tests.csv_files import PLAIN, csv_of, ramp
 
@@ -33,23 +33,6 @@ def test_an_input_that_is_no_current_counts_as_a_share_of_one(tmp_path, most, un
     scaled = RecordingSettings(columns={INPUT: ColumnSettings(scale=scale)})
     np.testing.assert_allclose(read_csv(named, scaled).input, read.input, rtol=1e-5)
     assert read_csv(named, scaled).notes == ()
-
-
-def test_inputs_of_several_recordings_that_are_read_in_several_scales_are_named(tmp_path):
-    def read(name: str, most: float, *, scale: float | None = None) -> Recording:
-        rows = [f"{0.1 * k:.1f},{most * k / 40:.6g},{k / 10:.6g}" for k in range(41)]
-        (tmp_path / name).mkdir()
-        columns = {} if scale is None else {"pedal": ColumnSettings(scale=scale)}
-        file = csv_of(tmp_path / name, rows, "time_s,pedal,ground_speed_mps").rename(tmp_path / f"{name}.csv")
-        return read_csv(file, RecordingSettings(input="pedal", columns=columns))
-
-    full, slow, still = read("full", 90.0), resample(read("slow", 2.5), 0.2), read("still", 0.0)
-    assert notes_of([full, slow, still])[-1] == (
-        "the inputs are read in several scales, full.csv as per cent, slow.csv as A or a share of all; "
-        "scale under columns: in the file of --columns says which it is"
-    )
-    for alike in ([full, still], [slow, still], [read("said", 2.5, scale=10.0), read("more", 90.0, scale=10.0)]):
-        assert not any("several scales" in note for note in notes_of(alike))
 
 
 def test_an_input_with_times_of_its_own_counts_as_a_share_too():

@@ -14,7 +14,7 @@ from cruise.cli.places import CONFIG
 from cruise.identification.preparation import PreparationSettings
 from cruise.model.model import Model
 from cruise.recording import Recording, RecordingError
-from cruise.service.recordings import ReadingSettings, read_recording
+from cruise.service.recordings import ReadingSettings, read_recordings
 from cruise.settings import SettingsError
 
 PICTURES = (".png", ".svg", ".pdf")
@@ -62,7 +62,7 @@ def tables(paths: list[Path], read: ReadingSettings, period_s: float | None = No
             raise RecordingError(f"{path}: is a folder; name the recordings in it, as {path / '*.csv'} does")
         if not path.exists():
             raise RecordingError(f"{path}: no such file")
-    return [read_recording(path, read, period_s) for path in paths]
+    return read_recordings(paths, read, period_s)
 
 
 def prepared_by(period_s: float | None, cutoff_hz: float, file: Model | None) -> PreparationSettings:

@@ -33,7 +33,7 @@ from cruise.recording import Recording, RecordingError, notes_of
 from cruise.report import comparison as comparing
 from cruise.report import comparison_picture, diagnosis, diagnosis_picture, evidence, mapping
 from cruise.report.model_file import model_file
-from cruise.service.recordings import read_recording
+from cruise.service.recordings import read_recordings
 from cruise.service.recordings.names import names_in
 from cruise.settings import SettingsError
 from cruise.validation import comparison, ladder
@@ -79,7 +79,7 @@ def opened(source: Source, show: Show) -> Opened:
     """The recordings of a source, as every verb reads them; where they can't be, what would have to be said of them."""
     show("reading")
     try:
-        found = [read_recording(path, source.reading) for path in source.paths]
+        found = read_recordings(source.paths, source.reading)
     except RecordingError:
         with suppress(*EXPECTED):  # the first reason is the better one
             show("looking at the columns", asked(source, show))

@@ -10,16 +10,21 @@ All follow the same column rules (`RecordingSettings`): names of the columns are
 signals' of the DBC file.
 """
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from cruise.columns import RecordingSettings
+import msgspec
+
+from cruise.columns import ColumnSettings, RecordingSettings
 from cruise.csv_file import read_csv
 from cruise.recording import Recording, RecordingError
 from cruise.service.recordings.bus_log import frames_of_log, read_bus_log
 from cruise.service.recordings.measurement import has_channels, read_measurement
 from cruise.service.recordings.parquet import read_parquet
 from cruise.service.recordings.settings import ReadingSettings
+from cruise.units import MA_PER_UNIT, InputUnit, entry
 
 TABLES: Final = (".csv", ".parquet")
 MEASUREMENT: Final = ".mf4"
@@ -33,8 +38,42 @@ __all__ = [
     "frames_of_log",
     "is_log",
     "read_recording",
+    "read_recordings",
     "read_table",
 ]
+
+
+def read_recordings(
+    paths: Sequence[str | Path], settings: ReadingSettings, dt_s: float | None = None
+) -> list[Recording]:
+    """Return the recordings at `paths` as `read_recording` does, the input of all in one unit.
+
+    Where its size alone tells the unit, it is that of the greatest numbers: what can't be per cent in one of the
+    recordings is none in the others.
+    """
+    found = [read_recording(path, settings, dt_s) for path in paths]
+    telling = [one for unit in MA_PER_UNIT for one in found if one.input_unit == unit]
+    if not telling:
+        return found
+    first = telling[0]
+    like = f"that of {Path(first.source).name}"
+    return [
+        one if one.input_unit == first.input_unit else _reread(path, one, first.input_unit, like, settings, dt_s)
+        for path, one in zip(paths, found, strict=True)
+    ]
+
+
+def _reread(
+    path: str | Path, alone: Recording, unit: InputUnit, like: str, settings: ReadingSettings, dt_s: float | None
+) -> Recording:
+    """Return a recording with its input in another unit than its size alone tells, and a note on it."""
+    name = settings.input
+    meant = ColumnSettings(scale=MA_PER_UNIT[unit])
+    read = read_recording(path, msgspec.structs.replace(settings, columns={**settings.columns, name: meant}), dt_s)
+    note = f"{name}: read as {unit} like {like}"
+    if alone.input_unit:
+        note += f"; alone it would be {alone.input_unit}, as {entry(name, MA_PER_UNIT[alone.input_unit])} reads all"
+    return replace(read, notes=(note, *read.notes), input_unit=unit)
 
 
 def read_recording(path: str | Path, settings: ReadingSettings, dt_s: float | None = None) -> Recording:

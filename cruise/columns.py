@@ -28,9 +28,7 @@ CLOCK_DIGITS: Final = 6  # of s: seconds since 1970 hold no more
 CLOCK_S: Final = 1e8  # s, three years: times beyond are those of a clock, and no drive's own
 MOST_CODES: Final = 3  # "specific", "error" and "not available" of J1939-71; what is measured has more values
 CODES_APART: Final = 0.25  # of a signal's range, by which they are apart from all that was measured
-SHARES: Final[tuple[tuple[float, InputUnit], ...]] = (
-    (3.0, "A or a share of all"), (150.0, "per cent"), (math.inf, "mA"),
-)  # fmt: skip
+LARGEST: Final[dict[InputUnit, float]] = {"A or a share of all": 3.0, "per cent": 150.0, "mA": math.inf}
 """The largest input and what it is taken to be in: no pump's servo moves below 150 mA, and none takes 3 A."""
 
 
@@ -246,7 +244,7 @@ def _in_ma(name: str, signals: dict[str, Readings], settings: RecordingSettings,
     said = spelt(name, "mA")
     if name in settings.columns or not most or (said not in ("", "mA") and bracketed(name)):
         return ""
-    unit = next(unit for most_of, unit in SHARES if most <= most_of)
+    unit = next(unit for unit, most_of in LARGEST.items() if most <= most_of)
     scale = MA_PER_UNIT[unit]
     if unit == "mA":
         return "" if said == "mA" else unit

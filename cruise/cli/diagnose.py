@@ -35,6 +35,7 @@ from cruise.model import files
 from cruise.recording import Recording
 from cruise.report import diagnosis_picture, evidence
 from cruise.report.diagnosis_figures import report
+from cruise.signals import INPUT, OUTPUT
 from cruise.validation import comparison, ladder
 from cruise.validation.diagnose import Verdict
 from cruise.validation.diagnose import diagnose as search
@@ -70,7 +71,8 @@ def diagnose(
     if wanted is not None:
         destination("--picture", wanted, PICTURES)
     with working("reading") as show:
-        native = tables(recordings, columns_of(columns, input_name, output_name, database))
+        read = columns_of(columns, input_name, output_name, database)
+        native = tables(recordings, read)
         begun = ladder.begin(native, structure, start, core, period_s, horizon, show, at_their_rate=True)
         found = search(begun, show)
         show("weighing the evidence")
@@ -92,7 +94,9 @@ def diagnose(
     options |= {"--period": period, "--horizon": None if horizon == 3.0 else horizon}
     words = [word for name, value in options.items() if value is not None for word in (name, str(value))]
     files_given = [shlex.quote(str(one)) for one in recordings]
-    diagnose_words.say(found, floor, model, files_given, [shlex.quote(word) for word in words], said["picture"], own)
+    called = {INPUT: read.input, OUTPUT: read.output}
+    quoted = [shlex.quote(word) for word in words]
+    diagnose_words.say(found, floor, model, files_given, quoted, said["picture"], own, called)
 
 
 def _own(

@@ -3,7 +3,7 @@
 import math
 import shlex
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -34,6 +34,8 @@ from cruise.report.diagnosis import (
 from cruise.report.effect import physics, what
 from cruise.report.evidence import SURE, Number
 from cruise.report.mapping import hints
+from cruise.signals import INPUT
+from cruise.units import MA_PER_UNIT, InputUnit
 from cruise.validation.candidates import UNNAMED
 from cruise.validation.diagnose import SEED, Diagnosis, Verdict
 from cruise.validation.noise_floor import NoiseFloor
@@ -78,10 +80,12 @@ def say(
     options: Sequence[str],
     picture: str,
     own: Own | None = None,
+    called: Mapping[str, str] | None = None,
 ) -> None:
     """Print everything, the verdict first. `recordings` and `options` are the words of the command line, quoted.
 
-    `own` says how well the parameters of a model file fit where nothing is missing.
+    `own` says how well the parameters of a model file fit where nothing is missing, `called` how the recordings call
+    the input and the output.
     """
     console, study = printer(WIDTH), found.study
     _print(console, sentence(found), 0, bold=True)
@@ -96,10 +100,9 @@ def say(
             f"{figure(own.refitted_mps)}: its parameters are wrong here, no effect is missing",
             0,
         )
-    for hint in hints(found):
-        _print(console, hint, 0)
-    if late(found):
-        _print(console, late(found), 0)
+    for line in (_called(called or {}, study.recordings[0].input_unit), *hints(found), late(found)):
+        if line:
+            _print(console, line, 0)
     _print(console, f"{count_of(len(study.recordings), 'recording')}, {samples} samples of {study.period_s:g} s", 0)
     _print(console, f"noise floor {study.horizon_s:g} s ahead: {floor_in_words(floor)}", 0)
     notes = notes_of(study.recordings)
@@ -120,6 +123,14 @@ def say(
     _list(console, "what these recordings can't speak of", [_refusal(one.effect, one.reason) for one in found.refused])
     _list(console, "to go on", _commands(found, model, recordings, options, own is not None and own.stale))
     console.print(f"\npicture: {picture}", soft_wrap=True)
+
+
+def _called(called: Mapping[str, str], unit: InputUnit) -> str:
+    """What the recordings call the current and the speed, where they have names of their own; else empty."""
+    words = {name: f"{name} is `{theirs}`" for name, theirs in called.items() if theirs != name}
+    if INPUT in words and unit:
+        words[INPUT] += f", 1 of it {MA_PER_UNIT[unit]:g} mA"
+    return f"as the recordings have it, {'; '.join(words.values())}" if words else ""
 
 
 def _physics(console: Console, name: str) -> None:
@@ -151,7 +162,7 @@ def _dependences(console: Console, found: Diagnosis) -> None:
     for name in names:
         drawn = curve(found.study, found.base, found.final, name)
         beside = " beside it" if found.effects else ""
-        table = _table(f"what depends on {name.removeprefix(UNNAMED)}{beside}", drawn.x_name, drawn.y_words, "± std.")
+        table = _table(f"what depends on {evidence.signal_of(name)}{beside}", drawn.x_name, drawn.y_words, "± std.")
         for i in np.linspace(0, len(drawn.x) - 1, CURVE_SHOWN).round().astype(int):
             std = figure(float(drawn.std[i])) if drawn.std is not None else "-"
             table.add_row(f"{drawn.x[i]:.4g}", f"{drawn.y[i]:+.3g}", std)
@@ -214,7 +225,7 @@ def _ranking(console: Console, found: Diagnosis) -> None:
         )  # fmt: skip
     unnamed = evidence.best_unnamed(found)
     if unnamed is not None:
-        name = f"any curve of {unnamed.name.removeprefix(UNNAMED)}"
+        name = f"any curve of {evidence.signal_of(unnamed.name)}"
         table.add_row(
             name, figure(evidence.error_mps(unnamed.judged)), f"{round(100 * unnamed.gain)}",
             f"{unnamed.sureness:.1f}", f"{round(unnamed.evidence)}", "", "", style="dim",
@@ -272,7 +283,7 @@ def _commands(
 
 
 def _plain(name: str) -> str:
-    return f"a curve of {name.removeprefix(UNNAMED)}" if name.startswith(UNNAMED) else name
+    return f"a curve of {evidence.signal_of(name)}" if name.startswith(UNNAMED) else name
 
 
 def _table(title: str, *headings: str) -> Table:

@@ -8,7 +8,7 @@ import numpy as np
 
 from cruise.effects import EFFECTS, Stage
 from cruise.report import evidence
-from cruise.report.evidence import SURE, Number
+from cruise.report.evidence import OWN_SPEED, SURE, Number, signal_of
 from cruise.validation.candidates import MEDIATORS, UNNAMED
 from cruise.validation.confidence import FEWEST, in_moments
 from cruise.validation.dead_time import DeadTime
@@ -109,7 +109,7 @@ def _beside(found: Diagnosis) -> str:
         return ""
     return (
         f" Beside {'it' if len(found.effects) == 1 else 'them'} something is missing that is none of the effects that "
-        f"cruise knows: most of what is left depends on {found.beside}."
+        f"cruise knows: most of what is left depends on {signal_of(found.beside)}."
     )
 
 
@@ -247,7 +247,7 @@ def span(one: Number) -> str:
 
 
 def _all(names: Sequence[str], word: str = "and") -> str:
-    quoted = [f"`{name}`" for name in names]
+    quoted = [name if name == OWN_SPEED else f"`{name}`" for name in map(signal_of, names)]
     return f" {word} ".join([", ".join(quoted[:-1]), quoted[-1]]) if len(quoted) > 1 else "".join(quoted)
 
 

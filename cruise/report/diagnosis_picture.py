@@ -80,7 +80,7 @@ def _added(found: Diagnosis, names: Sequence[str]) -> str:
 def _called(names: Sequence[str]) -> str:
     """Names of effects as they are written in the picture."""
     return " and ".join(
-        f"a curve of {name.removeprefix(UNNAMED)}" if name.startswith(UNNAMED) else name for name in names
+        f"a curve of {evidence.signal_of(name)}" if name.startswith(UNNAMED) else name for name in names
     )
 
 

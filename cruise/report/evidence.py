@@ -16,10 +16,11 @@ from cruise.validation.noise_floor import NoiseFloor, noise_floor
 from cruise.validation.numbers import Number
 from cruise.validation.search import Judged
 from cruise.validation.tried import Tried, tried_in
-from cruise.validation.unnamed import RestCurrent
+from cruise.validation.unnamed import SPEED, RestCurrent
 
 SURE: Final = 2.0  # standard errors
 LITTLE: Final = 0.01  # relative change that matters to nobody
+OWN_SPEED: Final = "the model's own speed"
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +63,12 @@ def members(explanation: Explanation) -> tuple[str, ...]:
     """Names of the effects in an explanation; all parts of an unnamed dependence are one, a current at rest is none."""
     effects = [effect for effect in explanation.effects if effect.name != RestCurrent.name]
     return (*dict.fromkeys(owner(effect) for effect in effects), *sorted(explanation.structural))
+
+
+def signal_of(name: str) -> str:
+    """The signal of a curve without physics, or a signal itself, as it is spoken of: the model's speed is no column."""
+    signal = name.removeprefix(UNNAMED)
+    return OWN_SPEED if signal == SPEED else signal
 
 
 def first_tried(found: Diagnosis, name: str) -> Tried | None:

@@ -18,6 +18,7 @@ from cruise.validation.left_over import DELAY, LeftOver
 from cruise.validation.search import Judged
 from cruise.validation.selection import Selected
 from cruise.validation.tried import ENOUGH
+from cruise.validation.unnamed import SPEED
 
 RECORD_MORE: Final = (
     "record what else could move the machine, such as slope, load, wind or soil, and drive the same again"
@@ -131,4 +132,5 @@ def _missing(found: Selected, left: LeftOver, places: Sequence[Place]) -> Answer
 
 
 def _vary(signals: Sequence[str]) -> str:
-    return f"hold everything else and move {' and '.join(signals)} alone, slowly and in steps, over the whole range"
+    names = ["the speed" if name == SPEED else name for name in signals]
+    return f"hold everything else and move {' and '.join(names)} alone, slowly and in steps, over the whole range"

@@ -15,7 +15,8 @@ from cruise.recording import Recording
 from cruise.report import diagnosis, diagnosis_picture, evidence
 from cruise.report.diagnosis_figures import report
 from cruise.report.mapping import hints
-from cruise.signals import INPUT
+from cruise.signals import INPUT, OUTPUT
+from cruise.validation import verdict
 from cruise.validation.candidates import Refused
 from cruise.validation.diagnose import Diagnosis
 from cruise.validation.tried import LEAST_GAIN
@@ -152,6 +153,31 @@ def test_a_column_that_may_be_what_an_effect_lacked_is_said_to(hills, capsys):
     assert hints(replace(found, refused=())) == hints(hills) == []
     slip = (Refused("wheel_slip", "wheel_speed_mps is not recorded"),)
     assert hints(replace(found, signals=(SPEED,), refused=slip)) == [], "no column of theirs"
+
+
+def test_the_recordings_own_names_of_current_and_speed_are_said(hills, capsys):
+    (recording,) = hills.study.recordings
+    found = replace(hills, study=replace(hills.study, recordings=(replace(recording, input_unit="per cent"),)))
+    called = {INPUT: "throttle", OUTPUT: "vx_mps"}
+    diagnose_words.say(found, FLOOR, MODEL, ["drive.csv"], [], "p.png", called=called)
+    assert (
+        "as the recordings have it, pump_current_ma is `throttle`, 1 of it 10 mA; ground_speed_mps is `vx_mps`"
+    ) in " ".join(capsys.readouterr().out.split())
+    diagnose_words.say(found, FLOOR, MODEL, ["drive.csv"], [], "p.png", called={INPUT: INPUT, OUTPUT: OUTPUT})
+    assert "as the recordings have it" not in capsys.readouterr().out
+
+
+def test_the_models_own_speed_is_called_so_and_is_no_column(hills, capsys):
+    curve = next(one for one in hills.steps[0].tried if one.name == f"unnamed:{SPEED}")
+    found = replace(unlisted(hills), signals=(SPEED,), final=curve.judged)
+    first = replace(hills.steps[0], tried=tuple(one for one in hills.steps[0].tried if "unnamed" not in one.name))
+    with_curve = replace(first, tried=(curve, *first.tried))
+    out = said(capsys, replace(found, steps=(with_curve,), next_experiment=""))
+    for words in ("a free curve of the model's own speed lowers", "what depends on the model's own speed", "any curve"):
+        assert words in out
+    assert SPEED not in out
+    assert diagnosis_picture._called([curve.name]) == "a curve of the model's own speed"
+    assert "move the speed alone" in verdict._vary((SPEED,))
 
 
 def test_what_can_not_be_told_apart_comes_with_every_experiment(hills, capsys):

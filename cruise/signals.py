@@ -109,3 +109,5 @@ ASKED: Final = frozenset(
     }
 )
 """What somebody asks for. It moves the machine through the current alone, and so is no cause beside it."""
+PEDALS: Final = ("brake_pedal", "clutch_pedal")
+"""Pressed, they act on the machine beside the drive: what it does then says nothing of the drive."""

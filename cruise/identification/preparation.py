@@ -1,4 +1,4 @@
-"""What happens to training data before a fit: the zero-phase low-pass filter of the paper, and the sampling period.
+"""What happens to training data before a fit: the zero-phase low-pass filter of the paper, the sampling period, pedals.
 
     |H(f)|^2 = 1 / (1 + (tan(pi f T) / tan(pi f_c T))^(2 n)),   run forward and backward: gain |H|^2, no phase
 
@@ -8,7 +8,8 @@ Discrete-Time Signal Processing, 3rd ed., section 7.3.
 """
 
 from collections.abc import Sequence
-from typing import Annotated
+from dataclasses import replace
+from typing import Annotated, Final
 
 import msgspec
 import numpy as np
@@ -17,8 +18,12 @@ from scipy import signal
 from cruise.identification.regressors import SAME_PERIOD, UNCHANGED, FitError, Smooth
 from cruise.recording import Recording, resample
 from cruise.settings import Positive
+from cruise.signals import OUTPUT, PEDALS
 
 RINGING_S = 3.0  # s times Hz: periods of the cut-off over which a 10th-order filter, run twice, rings to below 1 %
+
+PRESSED: Final = 0.5  # of a pedal's 0 or 1, as in the service
+RECOVERS_S: Final = 2.0  # s after a pedal is let go until the machine moves as the drive alone moves it
 
 
 class PreparationSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -45,9 +50,9 @@ def smoother(settings: PreparationSettings, period_s: float) -> Smooth | None:
 
 
 def at_period(recordings: Sequence[Recording], period_s: float) -> list[Recording]:
-    """All recordings on the grid of one period. FitError where one is too slow for it, or the speed never changes."""
+    """All recordings on the grid of one period, `driven_alone`. FitError where one is too slow, or no speed changes."""
     prepared = []
-    for recording in recordings:
+    for recording in driven_alone(recordings):
         if recording.dt_s > 1.001 * period_s:
             raise FitError(
                 f"{recording.source} is sampled every {recording.dt_s:g} s, too slowly for a model of {period_s:g} s: "
@@ -62,6 +67,41 @@ def at_period(recordings: Sequence[Recording], period_s: float) -> list[Recordin
             "drive the machine, or choose another column with --output"
         )
     return prepared
+
+
+def driven_alone(recordings: Sequence[Recording]) -> list[Recording]:
+    """The recordings without the speed where brake or clutch acted beside the drive, and until that is over.
+
+    Their notes say so. FitError where no speed is left.
+    """
+    left = [_driven_alone(one) for one in recordings]
+    if any(_known(one) for one in recordings) and not any(_known(one) for one in left):
+        pedals = " or ".join(name for name in PEDALS if any(name in one.columns for one in recordings))
+        raise FitError(
+            f"{pedals} is pressed wherever the speed is known, so that nothing shows what the drive does alone: "
+            "record a drive without, or take the column out if 1 does not mean pressed"
+        )
+    return left
+
+
+def _driven_alone(one: Recording) -> Recording:
+    known = np.isfinite(one.output)
+    pressed = {name: one.columns[name] > PRESSED for name in PEDALS if name in one.columns}
+    used = [name for name, there in pressed.items() if (there & known).any()]
+    if not used:
+        return one
+    any_of_them = np.any([pressed[name] for name in used], axis=0)
+    recovering = np.convolve(any_of_them, np.ones(round(RECOVERS_S / one.dt_s) + 1))[: len(one)] > 0.5
+    note = (
+        f"{' and '.join(used)}: pressed for {any_of_them.sum() * one.dt_s:.3g} s: the drive does not act alone there, "
+        f"the speed is left out until {RECOVERS_S:g} s after"
+    )
+    columns = {**one.columns, OUTPUT: np.where(recovering, np.nan, one.output)}
+    return replace(one, columns=columns, notes=(*one.notes, note))
+
+
+def _known(one: Recording) -> bool:
+    return bool(np.isfinite(one.output).any())
 
 
 def filter_in_words(settings: PreparationSettings) -> str:

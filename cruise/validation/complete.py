@@ -2,8 +2,8 @@
 
 An effect whose signal is missing where the drive is rough would seem to lower the error. So a signal with holes in more
 than a tenth of the time is as good as not recorded, unless the model needs it, and where one of the others has a hole,
-the recording has. What somebody asks for (lever, buttons) acts through the current, and another reading of the speed
-answers to all that moves the machine: they are no candidates at all.
+the recording has, as it has where a brake or clutch acted. What somebody asks for (lever, buttons) acts through the
+current, another reading of the speed answers to all that moves the machine: they are no candidates, nor are the pedals.
 """
 
 from collections.abc import Collection, Sequence
@@ -12,8 +12,9 @@ from typing import Final
 
 import numpy as np
 
+from cruise.identification.preparation import driven_alone
 from cruise.recording import Recording, listed
-from cruise.signals import ASKED, INPUT, OUTPUT
+from cruise.signals import ASKED, INPUT, OUTPUT, PEDALS
 from cruise.validation.readings import other_readings
 
 SHOWN: Final = 3  # recordings that are named
@@ -22,7 +23,7 @@ LEAST_KNOWN: Final = 0.9  # of the time in which current and speed are known
 
 def _not_everywhere(recordings: Sequence[Recording]) -> list[str]:
     """What some of the recordings lack and others have."""
-    names = sorted(set().union(*(one.columns for one in recordings)) - ASKED)
+    names = sorted(set().union(*(one.columns for one in recordings)) - ASKED.union(PEDALS))
     notes = []
     for name in names:
         lacking = [one.source for one in recordings if name not in one.columns]
@@ -33,9 +34,13 @@ def _not_everywhere(recordings: Sequence[Recording]) -> list[str]:
 
 
 def complete(recordings: Sequence[Recording], needed: Collection[str]) -> list[Recording]:
-    """The recordings with holes where a signal has one, without the signals that have too many; their notes say so."""
+    """The recordings with holes where a signal has one, without the signals that have too many; their notes say so.
+
+    FitError where a pedal is pressed throughout.
+    """
+    recordings = driven_alone(recordings)
     names = set.intersection(*(set(one.columns) for one in recordings)) - {INPUT, OUTPUT}
-    names -= ASKED.difference(needed)
+    names -= ASKED.union(PEDALS).difference(needed)
     answers = [name for name in other_readings(recordings) if name not in needed]
     names -= set(answers)
     there = [np.isfinite(one.input) & np.isfinite(one.output) for one in recordings]

@@ -88,3 +88,37 @@ def test_a_machine_whose_speed_never_changes_is_refused(speed_mps):
         at_period([recording(0.05, speed_mps=speed_mps)], 0.2)
     two = [recording(0.2, speed_mps=speed_mps), recording(0.2, speed_mps=0.5)]
     assert at_period(two, 0.2) == two
+
+
+def with_pedals(one: Recording, **pressed: slice) -> Recording:
+    columns = {name: np.zeros(len(one)) for name in pressed}
+    for name, where in pressed.items():
+        columns[name][where] = 1.0
+    return Recording(one.time_s, {**one.columns, **columns}, one.dt_s, one.source)
+
+
+def test_the_speed_under_a_brake_or_clutch_says_nothing_of_the_drive_nor_what_follows_for_2_s():
+    one = with_pedals(recording(0.05), brake_pedal=slice(100, 140), clutch_pedal=slice(400, 401))
+    (left,) = at_period([one], 0.05)
+    lost = np.flatnonzero(np.isnan(left.output)).tolist()
+    assert lost == [*range(100, 180), *range(400, 441)]
+    assert np.isfinite(left.input).all()
+    (note,) = left.notes
+    assert note.startswith("brake_pedal and clutch_pedal: pressed for 2.05 s: ")
+    assert at_period([left], 0.05) == [left]
+    (coarse,) = at_period([one], 0.2)
+    assert np.isnan(coarse.output[27:44]).all(), "but what lives on for 0.3 s from before"
+    assert np.isfinite(coarse.output).sum() > 110
+
+
+def test_a_pedal_that_nobody_presses_or_that_is_not_known_changes_nothing():
+    one = with_pedals(recording(0.2), brake_pedal=slice(0))
+    unknown = Recording(one.time_s, {**one.columns, "brake_pedal": np.full(len(one), np.nan)}, 0.2, "b.csv")
+    assert at_period([one, unknown], 0.2) == [one, unknown]
+
+
+def test_a_pedal_that_is_pressed_throughout_is_named_with_the_remedy():
+    pressed = with_pedals(recording(0.2), brake_pedal=slice(None))
+    with pytest.raises(FitError, match=r"^brake_pedal is pressed wherever the speed is known.*take the column out"):
+        at_period([pressed], 0.2)
+    assert np.isnan(at_period([pressed, recording(0.2)], 0.2)[0].output).all()

@@ -74,6 +74,17 @@ def test_another_reading_of_the_speed_is_no_cause_unless_a_term_of_the_user_read
     assert "by_satellite_kmh" in complete([told], {"by_satellite_kmh"})[0].columns
 
 
+def test_a_pedal_is_no_cause_and_makes_a_hole_of_the_speed():
+    one = recorded()
+    told = replace(one, columns={**one.columns, "brake_pedal": (np.arange(100) // 5 == 3).astype(float)})
+    (left,) = complete([told], ())
+    assert set(left.columns) == set(one.columns)
+    assert np.flatnonzero(np.isnan(left.output)).tolist() == list(range(15, 40))
+    assert ["brake_pedal: pressed for 0.5 s" in note for note in left.notes] == [True]
+    both = complete([told, one], ())
+    assert both[1].notes == (), "a recording without the pedal loses nothing"
+
+
 @pytest.mark.parametrize("from_s", [0.0, SECONDS / 2])
 def test_a_sensor_that_is_missing_where_the_ground_is_rough_is_not_what_is_missing(from_s):
     samples = round(SECONDS / DT_S)

@@ -244,7 +244,7 @@ def _in_ma(name: str, signals: dict[str, Readings], settings: RecordingSettings,
     said = spelt(name, "mA")
     if name in settings.columns or not most or (said not in ("", "mA") and bracketed(name)):
         return ""
-    unit = next(unit for unit, most_of in LARGEST.items() if most <= most_of)
+    unit: InputUnit = next(unit for unit, most_of in LARGEST.items() if most <= most_of)
     scale = MA_PER_UNIT[unit]
     if unit == "mA":
         return "" if said == "mA" else unit

@@ -119,6 +119,12 @@ def notes_of(recordings: Sequence[Recording]) -> list[str]:
     return [f"{Path(one.source).name}: {note}" for one in recordings for note in one.notes]
 
 
+def input_unit_of(recordings: Sequence[Recording]) -> InputUnit:
+    """Return what the size of their inputs was taken to tell of the unit, which is one for all of them."""
+    told: list[InputUnit] = [one.input_unit for one in recordings if one.input_unit]
+    return told[0] if told else ""
+
+
 def on_grid(
     base_s: FloatArray,
     columns: Mapping[str, Readings],

@@ -73,7 +73,7 @@ def add(
     above_zero("--horizon", horizon)
     if out is not None:
         writable("--out", out)
-    read = tables(recordings, read_as)
+    read = tables(recordings, read_as, model=model)
     with working("reading") as show:
         core = file.core if file is not None else None
         study = ladder.begin(read, structure, start, core, period_s, horizon, show, wanted=wanted)

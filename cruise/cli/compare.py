@@ -68,7 +68,7 @@ def compare(
     preparation = prepared_by(period, cutoff, start)
     above_zero("--horizon", horizon)
     destination("--picture", picture, PICTURES)
-    read = tables(recordings, columns_of(columns, input_name, output_name, database))
+    read = tables(recordings, columns_of(columns, input_name, output_name, database), model=model)
     judged: Structure | tuple[Structure, Linear] = structure
     fitted_to: tuple[str, ...] = ()
     if start is not None:

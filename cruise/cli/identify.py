@@ -44,7 +44,7 @@ from cruise.identification.preparation import PreparationSettings, filter_in_wor
 from cruise.identification.regressors import FitError
 from cruise.model import files
 from cruise.model.files import Provenance
-from cruise.recording import notes_of
+from cruise.recording import input_unit_of, notes_of
 from cruise.report.plain import plain
 
 LEAST_SHOWN_PCT = -999.9  # below it a prediction is nonsense, and its digits are noise
@@ -75,7 +75,7 @@ def identify(
     destination("--picture", picture, PICTURES)
     if out is not None:
         writable("--out", out)
-    read = tables(recordings, columns_of(columns, input_name, output_name, database))
+    read = tables(recordings, columns_of(columns, input_name, output_name, database), model=model)
     with working("reading") as show:
         found = fit(structure, read, preparation, start, horizon, show)
     drawn = identify_picture.draw(found, picture)
@@ -150,6 +150,7 @@ def _save(path: Path, found: Identification, preparation: PreparationSettings) -
         made_on=datetime.now(UTC).date().isoformat(),
         error_ahead_mps=plain(found.held_out.rmse_mps) if found.held_out and not unstable else None,
         horizon_s=found.horizon_s,
+        input_unit=input_unit_of(found.recordings),
         note=f"training data {filter_in_words(preparation)}; {found.fitted.message}{runs_away}",
     )
     noise = found.fitted.noise if isinstance(found.fitted, Armax) else ()

@@ -67,7 +67,8 @@ def orders(
     above_zero("--horizon", horizon)
     destination("--picture", picture, PICTURES)
     period_s = preparation.period_s
-    prepared = at_period(tables(recordings, columns_of(columns, input_name, output_name, database)), period_s)
+    read = tables(recordings, columns_of(columns, input_name, output_name, database), model=model)
+    prepared = at_period(read, period_s)
     smooth = smoother(preparation, period_s)
     empty = structure.model(period_s)
     base = replace(empty, effects=start.effects) if start is not None else with_shapes(empty, prepared, smooth)

@@ -12,6 +12,7 @@ import typer
 from cruise import settings
 from cruise.cli.places import CONFIG
 from cruise.identification.preparation import PreparationSettings
+from cruise.model import files
 from cruise.model.model import Model
 from cruise.recording import Recording, RecordingError
 from cruise.service.recordings import ReadingSettings, read_recordings
@@ -55,14 +56,15 @@ def columns_of(
     )
 
 
-def tables(paths: list[Path], read: ReadingSettings, period_s: float | None = None) -> list[Recording]:
-    """The recordings of these files, each on its own grid or on that of `period_s`."""
+def tables(paths: list[Path], read: ReadingSettings, period_s: float | None = None, model: str = "") -> list[Recording]:
+    """The recordings of these files, each on its own grid or on that of `period_s`, in the unit of a model file."""
     for path in paths:
         if path.is_dir():
             raise RecordingError(f"{path}: is a folder; name the recordings in it, as {path / '*.csv'} does")
         if not path.exists():
             raise RecordingError(f"{path}: no such file")
-    return read_recordings(paths, read, period_s)
+    made_in = files.read(model).provenance.input_unit if model.endswith(MODEL_FILES) else ""
+    return read_recordings(paths, read, period_s, (made_in, Path(model).name) if made_in else None)
 
 
 def prepared_by(period_s: float | None, cutoff_hz: float, file: Model | None) -> PreparationSettings:

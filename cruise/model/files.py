@@ -19,6 +19,7 @@ from cruise.effects.expression import ExpressionError
 from cruise.model.core import Core, discretised
 from cruise.model.model import Model
 from cruise.settings import Positive, SettingsError
+from cruise.units import InputUnit
 
 AGREE = 1e-4  # relative: between core and parameters, so that a file may be rounded to five digits
 
@@ -45,6 +46,7 @@ class Provenance(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     made_on: str = ""  # date, ISO 8601
     error_ahead_mps: float | None = None  # RMS on held-out blocks
     horizon_s: float | None = None  # of that error
+    input_unit: InputUnit = ""  # in which its recordings were read
     note: str = ""
 
 

@@ -9,6 +9,7 @@ import pytest
 from cruise.cli.places import CONFIG
 from cruise.columns import RecordingSettings
 from cruise.csv_file import read_csv, write_csv
+from cruise.model import files
 from cruise.recording import Recording
 from cruise.report import comparison_picture
 from cruise.signals import INPUT, OUTPUT
@@ -91,6 +92,24 @@ def test_a_model_file_is_taken_as_it_is_and_told_when_it_knew_the_recording(verb
     fitted = judged(verb("identify", "again.csv", "--model", MODEL, "--json")[1])
     assert found["ahead"]["rmse_mps"] == pytest.approx(fitted["training"]["rmse_mps"])
     assert found["fitted_to_some_of_these"] == ["again.csv"]
+
+
+def test_a_recording_is_read_in_the_unit_that_the_model_was_made_in(verb, tables):
+    """One in which the input never rose far enough to tell it would be taken for another unit."""
+    hills = read_csv(tables / "hills.csv", RecordingSettings())
+    for name, share in (("fast", 1.0), ("slow", 0.4)):
+        pwm, speed_mps = share * 250.0 * hills.input / np.nanmax(hills.input), share * hills.output
+        lines = [f"{t:.2f},{u:.6g},{v:.6g}" for t, u, v in zip(hills.time_s, pwm, speed_mps, strict=True)]
+        (tables / f"{name}.csv").write_text("\n".join(["time_s,pwm,ground_speed_mps", *lines]))
+    words = ("--input", "pwm", "--picture", "p.png", "--json")
+    assert verb("identify", "fast.csv", "--model", MODEL, "-o", "m.yaml", *words)[0] == 0
+    assert files.read(tables / "m.yaml").provenance.input_unit == "mA"
+    told = judged(verb("compare", "slow.csv", "--model", "m.yaml", *words)[1])
+    assert any("pwm: read as mA like that of m.yaml" in note for note in told["notes"])
+    (tables / "m.yaml").write_text((tables / "m.yaml").read_text().replace("  input_unit: mA\n", ""))
+    alone = judged(verb("compare", "slow.csv", "--model", "m.yaml", *words)[1])
+    assert any("read as per cent, all of it" in note for note in alone["notes"])
+    assert alone["ahead"]["rmse_mps"] > 2.0 * told["ahead"]["rmse_mps"]
 
 
 def test_a_file_of_the_same_name_is_not_the_same_recording(verb, tables):

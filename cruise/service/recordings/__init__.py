@@ -44,21 +44,25 @@ __all__ = [
 
 
 def read_recordings(
-    paths: Sequence[str | Path], settings: ReadingSettings, dt_s: float | None = None
+    paths: Sequence[str | Path],
+    settings: ReadingSettings,
+    dt_s: float | None = None,
+    told: tuple[InputUnit, str] | None = None,
 ) -> list[Recording]:
     """Return the recordings at `paths` as `read_recording` does, the input of all in one unit.
 
     Where its size alone tells the unit, it is that of the greatest numbers: what can't be per cent in one of the
-    recordings is none in the others.
+    recordings is none in the others. `told` is what unit it is instead, and the name of the model that says so.
     """
     found = [read_recording(path, settings, dt_s) for path in paths]
-    telling = [one for unit in MA_PER_UNIT for one in found if one.input_unit == unit]
+    telling: list[tuple[InputUnit, str]] = [
+        (unit, Path(one.source).name) for unit in MA_PER_UNIT for one in found if one.input_unit == unit
+    ]
     if not telling:
         return found
-    first = telling[0]
-    like = f"that of {Path(first.source).name}"
+    unit, source = told or telling[0]
     return [
-        one if one.input_unit == first.input_unit else _reread(path, one, first.input_unit, like, settings, dt_s)
+        one if one.input_unit == unit else _reread(path, one, unit, f"that of {source}", settings, dt_s)
         for path, one in zip(paths, found, strict=True)
     ]
 

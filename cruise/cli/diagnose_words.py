@@ -38,10 +38,11 @@ from cruise.signals import INPUT
 from cruise.units import MA_PER_UNIT, InputUnit
 from cruise.validation.candidates import UNNAMED
 from cruise.validation.diagnose import SEED, Diagnosis, Verdict
+from cruise.validation.left_over import DELAY
 from cruise.validation.noise_floor import NoiseFloor
-from cruise.validation.numbers import numbers
+from cruise.validation.numbers import BOUND, NOT_TOLD, numbers
 from cruise.validation.search import Judged
-from cruise.validation.tried import ENOUGH, FEW, LEAST_GAIN, MUCH, RESISTS, asked
+from cruise.validation.tried import ENOUGH, FEW, LEAST_GAIN, MUCH, RESISTS, Tried, asked
 
 WIDTH: Final = 80
 LINES: Final = 8  # of the ranking; --json has them all
@@ -144,8 +145,11 @@ def _parameters(console: Console, fitted: Sequence[Number]) -> None:
     table = _table("", "parameter", "value", "±", "unit", "plausible range", "")
     for one in fitted:
         error = figure(one.std) if one.std > 0.0 else "-"
-        table.add_row(one.name, figure(one.value), error, one.unit, span(one), one.remark)
+        table.add_row(one.name, figure(one.value), error, one.unit, span(one), evidence.remark(one))
     console.print(table)
+    bound = [one.name for one in fitted if one.remark == BOUND]
+    if bound:
+        _print(console, f"{BOUND}: {', '.join(bound)}; what the recordings ask for lies beyond what is plausible")
 
 
 def _fits(found: Diagnosis) -> list[tuple[str, Judged]]:
@@ -186,11 +190,14 @@ def _moved(console: Console, found: Diagnosis) -> None:
         )  # fmt: skip
     console.print()
     console.print(table)
+    untold = [one.before.name for one in changed if not (one.before.told and one.after.told)]
     far = [f"{one.before.name} {100 * one.share:+.0f} %" for one in changed if one.far]
     told = (
         f"moved by more than {SURE:g} standard errors: {', '.join(far)}" if far else "nothing moved beyond its errors"
     )
     _print(console, told)
+    if untold:
+        _print(console, f"{NOT_TOLD}, before or after: {', '.join(untold)}")
 
 
 def _steps(console: Console, found: Diagnosis) -> None:
@@ -204,9 +211,11 @@ def _steps(console: Console, found: Diagnosis) -> None:
     for one in ladder:
         words = [f"+ {_plain(name)}" for name in one.added] + [f"- {_plain(name)}" for name in one.dropped]
         share = 1.0 - (one.error_after_mps / first) ** 2
-        table.add_row(", ".join(words), figure(one.error_after_mps), f"{100 * share:.0f} %")
+        table.add_row(", ".join(words), figure(one.error_after_mps), f"{round(100 * share)} %")
     console.print()
     console.print(table)
+    if found.worth_adding != found.effects:
+        _print(console, f"without {DELAY}: it changes, and a constant one lowers the error by little")
 
 
 def _ranking(console: Console, found: Diagnosis) -> None:
@@ -217,18 +226,18 @@ def _ranking(console: Console, found: Diagnosis) -> None:
     tried = {one.name: one for one in found.steps[0].tried}
     for one in found.ranking[:LINES]:
         trial = tried[one.effect]
-        step = found.effects.index(one.effect) + 1 if one.effect in found.effects else 1
+        step = found.worth_adding.index(one.effect) + 1 if one.effect in found.worth_adding else 1
         later = f"step {step}" if step > 1 and found.verdict is Verdict.MISSING else ""
         table.add_row(
             one.effect, figure(one.error_after_mps), f"{round(100 * trial.gain)}", f"{trial.sureness:.1f}",
-            f"{round(trial.counted)}{'*' if trial.credit < 1.0 else ''}", confidence(one.confidence), later,
+            _counted(trial), confidence(one.confidence), later,
         )  # fmt: skip
     unnamed = evidence.best_unnamed(found)
     if unnamed is not None:
         name = f"any curve of {evidence.signal_of(unnamed.name)}"
         table.add_row(
             name, figure(evidence.error_mps(unnamed.judged)), f"{round(100 * unnamed.gain)}",
-            f"{unnamed.sureness:.1f}", f"{round(unnamed.evidence)}", "", "", style="dim",
+            f"{unnamed.sureness:.1f}", _counted(unnamed), "", "", style="dim",
         )  # fmt: skip
     console.print()
     console.print(table)
@@ -245,13 +254,19 @@ def _ranking(console: Console, found: Diagnosis) -> None:
     )
     if found.steps[0].forces is not None:
         _print(console, "t and evidence: as weighed where every force is known")
-    if any(one.credit < 1.0 for one in tried.values()):
+    shown = [*(tried[one.effect] for one in found.ranking[:LINES]), *([unnamed] if unnamed is not None else [])]
+    if any(one.credit < 1.0 for one in shown):
         _print(console, f"*: only what counts of it, {discounted(found)}")
     rest = len(found.ranking) - LINES
     if rest > 0:
         _print(console, f"and {count_of(rest, 'effect')} more, with no more evidence (--json has them all)")
     if found.verdict is Verdict.NOTHING:
         _list(console, "what could have hidden", hidden(found))
+
+
+def _counted(one: Tried) -> str:
+    """The evidence that counts, with a mark where that is not all of it."""
+    return f"{round(one.counted)}{'*' if one.credit < 1.0 else ''}"
 
 
 def _refusal(effect: str, reason: str) -> str:

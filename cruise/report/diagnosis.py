@@ -19,6 +19,7 @@ from cruise.validation.tried import LEAST_GAIN, LOOSE, Tried, step_of, tried_in
 from cruise.validation.unnamed import RestCurrent
 
 DOUBTFUL: Final = 0.5  # confidence below which an effect may be missing, rather than is
+NEGLIGIBLE: Final = 1e-9  # in any unit that numbers are shown in
 ANSWERS: Final = "for its signal answers to the drive itself"
 DISCOUNTED: Final = f"{ANSWERS}, or the line pressure speaks against it"
 """Why not all of an effect's evidence counts."""
@@ -233,9 +234,13 @@ def _error(judged: Judged) -> str:
 
 
 def figure(value: float) -> str:
-    """Three digits, all of them where there are more: 0.00680, 161, 1250; a dash for what is no number."""
+    """Three digits, all of them where there are more: 0.00680, 161, 1250; a dash for what is no number.
+
+    What a fit leaves of a zero is zero.
+    """
     if not math.isfinite(value):
         return "-"
+    value = 0.0 if abs(value) < NEGLIGIBLE else value
     return f"{value:.0f}" if abs(value) >= 1000.0 else f"{value:#.3g}".rstrip(".")
 
 

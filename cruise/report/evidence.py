@@ -13,13 +13,15 @@ from cruise.validation.candidates import UNNAMED, owner
 from cruise.validation.diagnose import Diagnosis, Verdict
 from cruise.validation.explanation import Explanation
 from cruise.validation.noise_floor import NoiseFloor, noise_floor
-from cruise.validation.numbers import Number
+from cruise.validation.numbers import PLAUSIBLE, Number
 from cruise.validation.search import Judged
 from cruise.validation.tried import Tried, tried_in
 from cruise.validation.unnamed import SPEED, RestCurrent
 
 SURE: Final = 2.0  # standard errors
 LITTLE: Final = 0.01  # relative change that matters to nobody
+MUCH: Final = 0.1  # of a plausible range, that a standard error covers where it is larger than the number
+HARDLY_TOLD: Final = "hardly told"
 OWN_SPEED: Final = "the model's own speed"
 
 
@@ -104,6 +106,13 @@ def numbers_of(name: str, all_numbers: Sequence[Number]) -> list[Number]:
     if name == "transport_delay":
         return [one for one in all_numbers if one.owner == "core" and one.name == "delay_s"]
     return [one for one in all_numbers if one.owner == name]
+
+
+def remark(one: Number) -> str:
+    """What to think of a number: that it is plausible says little where its error is larger, and much of its range."""
+    span = one.high - one.low
+    wide = one.std > abs(one.value) and (math.isinf(span) or one.std > MUCH * span)
+    return HARDLY_TOLD if one.remark == PLAUSIBLE and wide else one.remark
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,7 @@
 """`cruise diagnose` as a user meets it."""
 
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,7 +19,9 @@ from cruise.report.mapping import hints
 from cruise.signals import INPUT, OUTPUT
 from cruise.validation import verdict
 from cruise.validation.candidates import Refused
+from cruise.validation.dead_time import DeadTime
 from cruise.validation.diagnose import Diagnosis
+from cruise.validation.numbers import Number
 from cruise.validation.tried import LEAST_GAIN
 from cruise.validation.unnamed import SPEED
 from tests.cli.diagnose.drives import DELAY_S, DT_S, FLOOR, MODEL, PULL, TRIED, ambiguous, drive, unlisted
@@ -209,11 +212,13 @@ def test_what_was_taken_back_is_neither_drawn_nor_reported(hills):
 
 
 def test_commands_can_be_copied_and_no_unit_is_no_dash(hills, capsys):
-    refused = (Refused("gear_ratio", "gear never moves: it stays at 2 -"),)
+    hardly = Refused("engine_speed", "engine_speed_rpm hardly moves: it stays at 2100 rpm")
+    refused = (Refused("gear_ratio", "gear never moves: it stays at 2 -"), hardly)
     diagnose_words.say(replace(hills, refused=refused), FLOOR, "my model.yaml", ["drive.csv"], [], "p.png")
     out = capsys.readouterr().out
     assert "cruise add grade --model 'my model.yaml' drive.csv -o better.yaml" in out
     assert "`gear_ratio`: gear never moves: it stays at 2 - not excited, not absent" in out
+    assert "`engine_speed`: engine_speed_rpm hardly moves: it stays at 2100 rpm - not excited, not absent" in out
 
 
 def test_a_model_whose_own_parameters_are_wrong_lacks_no_effect_and_is_fitted_anew(verb, tmp_path):
@@ -320,6 +325,45 @@ def test_several_effects_are_added_one_after_the_other(hills, capsys):
     assert f"+ {second.name}" in out
     assert f"--model {MODEL} drive.csv -o better.yaml" in out
     assert f"cruise add {second.name} --model better.yaml drive.csv -o better_2.yaml" in out
+
+
+def test_a_dead_time_that_changes_is_no_step_and_why_is_said(hills, capsys):
+    names = ("grade", "coulomb_friction", "transport_delay")
+    first, second = (evidence.first_tried(hills, name) for name in names[:2])
+    assert first is not None
+    assert second is not None
+    steps = (hills.steps[0], replace(hills.steps[0], before=first.judged))
+    late = replace(hills.left, dead_time=DeadTime(0.3, -0.1, 0.2))
+    found = replace(hills, effects=names, steps=steps, final=second.judged, left=late)
+    out = said(capsys, found)
+    assert "without transport_delay: it changes, and a constant one lowers the error by little" in out
+    assert "step 2" in out
+    assert "step 3" not in out
+    assert "without transport_delay" not in said(capsys, replace(found, left=hills.left, effects=names[:2]))
+
+
+def test_what_is_not_told_or_at_its_bound_is_said_below_the_tables(hills, monkeypatch, capsys):
+    def fitted(study, judged):
+        delay = Number("core", "delay_s", "s", 0.1, 40.0, 0.0, 2.0, math.nan, "")
+        gain = Number("core", "gain_mps_per_ma", "m/s per mA", 0.1, 0.01, 0.0, math.inf, math.nan, "")
+        return [delay, gain, Number("grade", "load", "m/s per phi", 0.5, 0.01, 0.0, 0.5, 0.0, "")]
+
+    monkeypatch.setattr(diagnose_words, "numbers", fitted)
+    out = said(capsys, hills)
+    assert "at its bound: load; what the recordings ask for lies beyond what is plausible" in out
+    assert "nothing moved beyond its errors not told by the data, before or after: delay_s each effect" in out
+
+
+def test_a_curve_that_answers_to_the_drive_has_the_mark_of_what_does_not_count_in_full(hills, capsys):
+    first = hills.steps[0]
+    curve = evidence.best_unnamed(hills)
+    assert curve is not None
+    whole = replace(curve, evidence=908.0, credit=1.0)
+    for one, words in ((replace(whole, credit=0.25), " 227* "), (whole, " 908 ")):
+        tried = tuple(one if other is curve else replace(other, credit=1.0) for other in first.tried)
+        out = said(capsys, replace(hills, steps=(replace(first, tried=tried), *hills.steps[1:])))
+        assert words in out
+        assert ("only what counts of it" in out) == (one.credit < 1.0)
 
 
 MISTAKES = {

@@ -138,7 +138,24 @@ def test_a_number_is_plausible_strictly_between_its_bounds():
     assert (free.plausible, pushing.plausible) == (True, False)
 
 
+def test_a_number_whose_error_is_larger_and_much_of_its_range_is_hardly_told():
+    assert evidence.remark(number(0.2)) == "plausible"
+    assert evidence.remark(number(0.2, std=0.3)) == "hardly told"
+    assert evidence.remark(number(0.02, std=0.03)) == "plausible", "it is told to be little"
+    assert evidence.remark(number(0.03, std=0.05, high=np.inf)) == "hardly told"
+    assert evidence.remark(number(0.2, std=0.7)) == "not told by the data"
+    assert evidence.remark(number(1.0, std=2.0, high=1.0)) == "not told by the data"
+
+
 def test_figures_have_three_digits():
-    values = {0.0068: "0.00680", 161.2: "161", 12345.6: "12346", np.nan: "-", np.inf: "-", 5.514e-6: "5.51e-06"}
+    values = {
+        7.66e-17: "0.00",
+        0.0068: "0.00680",
+        161.2: "161",
+        12345.6: "12346",
+        np.nan: "-",
+        np.inf: "-",
+        5.514e-6: "5.51e-06",
+    }
     assert [diagnosis.figure(value) for value in values] == list(values.values())
     assert [diagnosis.confidence(value) for value in (0.999, 0.5, 1e-9)] == ["> 0.99", "0.50", "< 0.01"]

@@ -248,7 +248,7 @@ def _in_ma(name: str, signals: dict[str, Readings], settings: RecordingSettings,
     scale = MA_PER_UNIT[unit]
     if unit == "mA":
         return "" if said == "mA" else unit
-    small = f"{name}: {most:.3g} at most, no current in mA moves a machine"
+    small = f"{name}: 99 % of it is {most:.3g} at most, no current in mA moves a machine"
     if said == "mA":
         notes.append(f"{small}; if it is {unit}, {entry(name, scale)} reads it so")
         return ""

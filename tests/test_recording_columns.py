@@ -40,7 +40,7 @@ def test_an_input_with_times_of_its_own_counts_as_a_share_too():
     columns = {"amps": Readings(time_s, 0.02 * np.arange(41)), OUTPUT: Readings(time_s, time_s)}
     read = arranged("made up", columns, RecordingSettings(input="amps"), None)
     np.testing.assert_allclose(read.input, 20.0 * np.arange(41))
-    assert "amps: 0.792 at most, no current in mA moves a machine; read as A or a share of all" in read.notes[0]
+    assert "amps: 99 % of it is 0.792 at most, no current in mA moves a machine; read as A or a share of all" in read.notes[0]
     in_ma = {"Drive.command_ma": columns["amps"], OUTPUT: columns[OUTPUT]}
     read = arranged("made up", in_ma, RecordingSettings(input="Drive.command_ma"), None)
     np.testing.assert_allclose(read.input, 0.02 * np.arange(41))

@@ -271,7 +271,7 @@ def _counted(one: Tried) -> str:
 
 def _refusal(effect: str, reason: str) -> str:
     why = reason.removesuffix(" -")  # the unit of what has none
-    return f"`{effect}`: {why} - " + ("not excited, not absent" if "never moves" in why else "it can't be blamed")
+    return f"`{effect}`: {why} - " + ("not excited, not absent" if " moves: it stays" in why else "it can't be blamed")
 
 
 def _commands(

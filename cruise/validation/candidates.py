@@ -1,6 +1,6 @@
 """The effects that could be missing: what each needs, and whether the recording says anything about it.
 
-An effect whose signal is not recorded can't be blamed; one whose signal never moves is not excited, not absent.
+An effect whose signal is not recorded can't be blamed; one whose signal hardly moves is not excited, not absent.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -13,6 +13,7 @@ from cruise.effects import EFFECTS, Effect, Stage
 from cruise.recording import Recording
 from cruise.signals import INPUT, OUTPUT, SIGNALS
 from cruise.validation.beginnings import BEGIN, SHARES, Shapes, Starts, walked
+from cruise.validation.complete import why_left_out
 from cruise.validation.explanation import CORE, Explanation
 from cruise.validation.slope import PITCH, SLOPE, pitch_share, slope_deg
 from cruise.validation.told import told_shapes
@@ -32,7 +33,7 @@ from cruise.validation.unnamed import (
 
 HELD: Final = 0.7  # share of the current that a hysteresis holds back where fits start: it is wide or it is whole
 CHAIN: Final = tuple(EFFECTS)  # order in which the current meets the effects: that of the table
-SAME: Final = 0.02  # relative spread of a signal below which it never moves
+SAME: Final = 0.02  # relative spread of a signal below which it never moves; hardly, where 98 % of its values have less
 CONSEQUENCES: Final[Mapping[str, float]] = {"engine_load_pct": 0.85}
 """Share of its evidence that an effect may keep whose signal answers to the drive itself: given it, anything looks
 explained."""
@@ -234,12 +235,14 @@ def why_not(kind: type[Effect], recordings: Sequence[Recording]) -> str:
         if need == OUTPUT:
             continue
         if any(need not in one.columns or not np.isfinite(one.columns[need]).any() for one in recordings):
-            return f"{need} is not recorded"
+            partly = why_left_out(need, recordings)
+            return f"{need} is not recorded throughout: {partly}" if partly else f"{need} is not recorded"
         values = np.concatenate([one.columns[need] for one in recordings])
         values = values[np.isfinite(values)]
         size = max(abs(float(np.median(values))), 1e-3 * (SIGNALS[need].high - SIGNALS[need].low))
         if np.ptp(np.percentile(values, [1, 99])) < SAME * size:
-            return f"{need} never moves: it stays at {np.median(values):g} {SIGNALS[need].unit}"
+            ever = "never" if np.ptp(values) < SAME * size else "hardly"
+            return f"{need} {ever} moves: it stays at {np.median(values):g} {SIGNALS[need].unit}"
     return ""
 
 

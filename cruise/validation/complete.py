@@ -19,6 +19,7 @@ from cruise.validation.readings import other_readings
 
 SHOWN: Final = 3  # recordings that are named
 LEAST_KNOWN: Final = 0.9  # of the time in which current and speed are known
+LEFT_OUT: Final = ", left out"  # in a note, between the reason and what follows of it
 
 
 def _not_everywhere(recordings: Sequence[Recording]) -> list[str]:
@@ -29,7 +30,7 @@ def _not_everywhere(recordings: Sequence[Recording]) -> list[str]:
         lacking = [one.source for one in recordings if name not in one.columns]
         more = f" and {len(lacking) - SHOWN} more" if len(lacking) > SHOWN else ""
         if lacking:
-            notes.append(f"{name}: not in {listed(lacking[:SHOWN])}{more}, left out of all: it can't be blamed")
+            notes.append(f"{name}: not in {listed(lacking[:SHOWN])}{more}{LEFT_OUT} of all: it can't be blamed")
     return notes
 
 
@@ -58,14 +59,20 @@ def complete(recordings: Sequence[Recording], needed: Collection[str]) -> list[R
     shares = {name: share([name]) for name in names}
     spare = sorted(names.difference(needed), key=lambda name: (shares[name], name))
     notes = _not_everywhere(recordings)
-    notes += [f"{name}: goes with the ground speed itself, left out: it is an answer, no cause" for name in answers]
+    notes += [f"{name}: goes with the ground speed itself{LEFT_OUT}: it is an answer, no cause" for name in answers]
     while spare and share(names) < LEAST_KNOWN * share(names.intersection(needed)):
         name = spare.pop(0)
         names.discard(name)
-        notes.append(f"{name}: known in {100.0 * shares[name]:.0f} % of the time only, left out: it can't be blamed")
+        notes.append(f"{name}: known in {100.0 * shares[name]:.0f} % of the time only{LEFT_OUT}: it can't be blamed")
     result = []
     for one, known in zip(recordings, known_in(names), strict=True):
         columns = {name: values for name, values in one.columns.items() if name in names}
         drive = {INPUT: one.input, OUTPUT: np.where(known, one.output, np.nan)}
         result.append(replace(one, columns={**columns, **drive}, notes=(*one.notes, *notes)))
     return result
+
+
+def why_left_out(name: str, recordings: Sequence[Recording]) -> str:
+    """Why a signal was left out of complete recordings, in the words of their notes; empty where it was not."""
+    notes = (note.removeprefix(f"{name}: ") for one in recordings for note in one.notes if note.startswith(f"{name}: "))
+    return next((note.partition(LEFT_OUT)[0] for note in notes if LEFT_OUT in note), "")

@@ -79,7 +79,7 @@ def study(
     horizon_s = round(max(round(horizon_s / period_s), 1) * period_s, 9)
     for effect in effects:
         reason = why_not(type(effect), prepared) if effect.name in EFFECTS else ""
-        if reason and "never moves" not in reason:
+        if reason and " moves: it stays" not in reason:
             raise FitError(f"the model's {effect.name} can't be computed: {reason}; record it, or leave the effect out")
     shared = set.intersection(*(set(one.columns) for one in prepared))
     raw = [_no_finer(one, period_s) for one in recordings] if at_their_rate else None

@@ -29,6 +29,10 @@ def test_a_signal_with_many_holes_is_left_out_and_one_with_few_makes_holes_of_th
     assert set(one.columns) == {INPUT, OUTPUT, "pitch_deg"}
     assert one.notes == ("oil_temperature_c: known in 60 % of the time only, left out: it can't be blamed",)
     assert np.flatnonzero(np.isnan(one.output)).tolist() == [90, 91, 92, 93, 94]
+    assert (
+        why_not(EFFECTS["oil_temperature"], [one])
+        == "oil_temperature_c is not recorded throughout: known in 60 % of the time only"
+    )
     assert np.isfinite(one.input).all(), "what is known of the current acts on what comes behind the hole"
 
 
@@ -41,7 +45,8 @@ def test_what_some_recordings_lack_is_said_with_their_names():
     assert one.notes == tuple(
         f"{name}: not in b.csv, left out of all: it can't be blamed" for name in ("oil_temperature_c", "pitch_deg")
     )
-    assert why_not(EFFECTS["grade"], [one, other]) == "pitch_deg is not recorded"
+    assert why_not(EFFECTS["grade"], [one, other]) == "pitch_deg is not recorded throughout: not in b.csv"
+    assert why_not(EFFECTS["engine_speed"], [one, other]) == "engine_speed_rpm is not recorded"
     many = complete([with_it, *(replace(without, source=f"{k}.csv") for k in range(5))], ())
     assert "not in 0.csv, 1.csv, 2.csv and 2 more, left out" in many[0].notes[0]
 

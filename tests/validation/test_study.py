@@ -99,8 +99,9 @@ def test_an_effect_of_the_model_whose_signal_is_missing_is_refused():
     with_it = drive(100.0, columns={"engine_speed_rpm": np.full(1000, 2050.0)})
     with pytest.raises(FitError, match="engine_speed_rpm is not recorded"):
         study([with_it, drive(100.0, 1)], needing, None, PERIOD_S)
-    begun = study([with_it], needing, None, PERIOD_S)  # it never moves: the model may have it all the same
-    assert begun.base.explanation.names == ("engine_speed",)
+    started = drive(100.0, columns={"engine_speed_rpm": np.where(np.arange(1000) == 3, 900.0, 2050.0)})
+    for one in (with_it, started):  # it hardly moves: the model may have it all the same
+        assert study([one], needing, None, PERIOD_S).base.explanation.names == ("engine_speed",)
 
 
 # -- what is fitted

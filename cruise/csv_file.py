@@ -1,8 +1,10 @@
 """Recordings as CSV files: a header line that names the columns, then one line a sample.
 
 Where something else separates the cells, a comma is the decimal sign. Times are seconds or stamps as ISO 8601 has them.
+The text is UTF-8, UTF-16 with its mark at the beginning, or else Windows-1252.
 """
 
+import codecs
 import csv
 import math
 import re
@@ -28,7 +30,8 @@ def read_csv(path: str | Path, settings: RecordingSettings, dt_s: float | None =
 
     Raises RecordingError with file, line or column and what to do.
     """
-    lines = _lines(path)
+    notes: list[str] = []
+    lines = _lines(path, notes)
     delimiter = _delimiter(lines)
     if delimiter != ",":
         lines = [*lines[:1], *(line.replace(",", ".") for line in lines[1:])]
@@ -36,18 +39,18 @@ def read_csv(path: str | Path, settings: RecordingSettings, dt_s: float | None =
     if table is not None:
         header, _ = _read_rows(path, lines[:1], delimiter)
         raw = dict(zip(header, table.T, strict=True))
-        return tabulated(str(path), raw, settings, dt_s, lambda row: f"{path}:{row + 2}", f"{path}:1")
+        return tabulated(str(path), raw, settings, dt_s, lambda row: f"{path}:{row + 2}", f"{path}:1", tuple(notes))
     header, rows = _read_rows(path, lines, delimiter)
     raw = {name: numbers([row[index] for _, row in rows]) for index, name in enumerate(header)}
     time = column_of(time_of(header, settings, []), header, settings)
     if time in raw and np.isnan(raw[time]).all():
         raw[time] = np.array([_stamp_s(row[header.index(time)]) for _, row in rows])
-    return tabulated(str(path), raw, settings, dt_s, lambda row: f"{path}:{rows[row][0]}", f"{path}:1")
+    return tabulated(str(path), raw, settings, dt_s, lambda row: f"{path}:{rows[row][0]}", f"{path}:1", tuple(notes))
 
 
 def header_of(path: str | Path) -> list[str]:
     """Return the names of a CSV file's columns. Raises RecordingError where it has none."""
-    lines = _lines(path)
+    lines = _lines(path, [])
     return _read_rows(path, lines[:1], _delimiter(lines))[0]
 
 
@@ -61,18 +64,25 @@ def write_csv(recording: Recording, path: str | Path) -> None:
         writer.writerows([["" if value != value else value for value in row] for row in table])
 
 
-def _lines(path: str | Path) -> list[str]:
+def _lines(path: str | Path, notes: list[str]) -> list[str]:
     try:
-        text = Path(path).read_text(encoding="utf-8-sig")
+        data = Path(path).read_bytes()
     except FileNotFoundError as error:
         raise RecordingError(f"{path}: no such file") from error
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
+    utf = "utf-16" if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) else "utf-8-sig"
+    try:
+        text = data.decode(utf)
     except UnicodeDecodeError as error:
-        line = error.object.count(b"\n", 0, error.start) + 1
-        raise RecordingError(
-            f"{path}:{line}: not UTF-8 text; if it is a CSV file, save it again as CSV in UTF-8"
-        ) from error
+        try:
+            text = data.decode("cp1252")
+        except UnicodeDecodeError:
+            line = data.count(b"\n", 0, error.start) + 1
+            raise RecordingError(
+                f"{path}:{line}: neither UTF-8 nor Windows-1252; if it is a CSV file, save it again as CSV in UTF-8"
+            ) from error
+        notes.append("not UTF-8 text, read as Windows-1252")
     if "\0" in text:
         raise RecordingError(f"{path}: not text but binary data; export the recording as a CSV file")
     return text.splitlines()

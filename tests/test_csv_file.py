@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cruise.columns import ColumnSettings, RecordingSettings
-from cruise.csv_file import read_csv, write_csv
+from cruise.csv_file import header_of, read_csv, write_csv
 from cruise.recording import Recording, RecordingError
 from cruise.signals import INPUT, OUTPUT
 from tests.csv_files import PLAIN, csv_of, file_of, ramp
@@ -280,12 +280,31 @@ def test_files_that_are_not_there_or_not_text(tmp_path):
         read_csv(tmp_path / "none.csv", PLAIN)
     with pytest.raises(RecordingError, match="Is a directory"):
         read_csv(tmp_path, PLAIN)
-    (tmp_path / "f.csv").write_bytes(b"time_s,\n\xff\xfe\n")
-    with pytest.raises(RecordingError, match=r"f\.csv:2: not UTF-8.*save it again as CSV in UTF-8"):
+    (tmp_path / "f.csv").write_bytes(b"time_s,\n\xff\x81\n")
+    with pytest.raises(RecordingError, match=r"f\.csv:2: neither UTF-8.*save it again as CSV in UTF-8"):
         read_csv(tmp_path / "f.csv", PLAIN)
     (tmp_path / "f.csv").write_bytes(b"PK\x03\x04\0\0\n")
     with pytest.raises(RecordingError, match="binary data; export"):
         read_csv(tmp_path / "f.csv", PLAIN)
+
+
+@pytest.mark.parametrize(
+    ("encoding", "notes"),
+    [
+        ("utf-8", ()),
+        ("utf-8-sig", ()),
+        ("utf-16", ()),
+        ("cp1252", ("not UTF-8 text, read as Windows-1252",)),
+    ],
+)
+def test_any_usual_encoding_is_read(tmp_path, encoding, notes):
+    path, name = tmp_path / "drive.csv", "Ölkühler [°C]"
+    rows = [f"{row},{30 + k}" for k, row in enumerate(ramp())]
+    path.write_text("\r\n".join([f"time_s,{INPUT},{OUTPUT},{name}", *rows]), encoding=encoding, newline="")
+    read = read_csv(path, PLAIN)
+    np.testing.assert_array_equal(read.columns[name], 30.0 + np.arange(20))
+    assert read.notes == notes
+    assert header_of(path)[-1] == name
 
 
 @hypothesis.settings(max_examples=200)

@@ -123,13 +123,13 @@ def _read_rows(path: str | Path, lines: Sequence[str], delimiter: str) -> tuple[
         names = [name.strip() for name in next(reader, [])]
         header = [name or f"column {number}" for number, name in enumerate(names, 1)]  # a separator too many at its end
         for row in reader:
-            if len(row) > len(header):
+            if any(cell.strip() for cell in row[len(header) :]):
                 raise RecordingError(
                     f"{path}:{reader.line_num}: {len(row)} cells, but the header names {len(header)} columns; the "
                     "first line has to be the header, and a cell that holds the separator in quotes"
                 )
             if any(row):
-                rows.append((reader.line_num, row + [""] * (len(header) - len(row))))
+                rows.append((reader.line_num, row[: len(header)] + [""] * (len(header) - len(row))))
     except csv.Error as error:
         raise RecordingError(f"{path}:{reader.line_num}: {error}; is it a CSV file?") from error
     if not any(names) or all(not math.isnan(_number(name)) for name in names):

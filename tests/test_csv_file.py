@@ -233,6 +233,14 @@ def test_separators_at_the_ends_of_all_lines_are_passed_over(tmp_path):
     assert read.notes == ("column 4: holds no number, left out", "column 5: holds no number, left out")
 
 
+@pytest.mark.parametrize("beyond", [",", ", ,"])
+def test_separators_at_the_ends_of_the_rows_alone_are_passed_over_too(tmp_path, beyond):
+    read = read_csv(csv_of(tmp_path, [f"{row}{beyond}" for row in ramp()]), PLAIN)
+    assert set(read.columns) == {INPUT, OUTPUT}
+    assert read.notes == ()
+    np.testing.assert_allclose(read.output, 0.2 * np.arange(20), atol=1e-9)
+
+
 def changed(rows: list[str], index: int, row: str) -> list[str]:
     return [*rows[:index], row, *rows[index + 1 :]]
 

@@ -42,6 +42,7 @@ from cruise.validation.left_over import DELAY
 from cruise.validation.noise_floor import NoiseFloor
 from cruise.validation.numbers import BOUND, NOT_TOLD, numbers
 from cruise.validation.search import Judged
+from cruise.validation.selection import LEAST_CURVED, PLAINLY_CURVED
 from cruise.validation.tried import ENOUGH, FEW, LEAST_GAIN, MUCH, RESISTS, Tried, asked
 
 WIDTH: Final = 80
@@ -252,6 +253,14 @@ def _ranking(console: Console, found: Diagnosis) -> None:
         f"that takes {100 * MUCH:.0f} % or more of the squared error, {asked(LEAST_GAIN):g} below {100 * FEW:.0f} % "
         f"({RESISTS * asked(LEAST_GAIN):g} for friction alone, which soil looks like)",
     )
+    if unnamed is not None and unnamed.gain >= LEAST_GAIN and not (found.effects or found.signals):
+        least, evidence_of, sure = PLAINLY_CURVED
+        _print(
+            console,
+            f"any curve: bends as it likes, so that it is believed only where it leaves clearly less than every effect "
+            f"and takes {100 * LEAST_CURVED:.0f} % or more, or {100 * least:.0f} % with an evidence of "
+            f"{evidence_of:g} and a t of {sure:g}",
+        )
     if found.steps[0].forces is not None:
         _print(console, "t and evidence: as weighed where every force is known")
     shown = [*(tried[one.effect] for one in found.ranking[:LINES]), *([unnamed] if unnamed is not None else [])]

@@ -60,11 +60,11 @@ def sentence(found: Diagnosis) -> str:
                     great, what = f"swings with a period of {found.left.swing_s:.1f} s", f"{what} and that swings"
                 elif found.momentary:
                     there = in_moments(found.final.fit.error_mps, found.study.period_s)
-                    great = f"stands by {100 * there:.0f} % of its square in {100 * FEWEST:.0f} % of the time"
+                    great = f"has {100 * there:.0f} % of its square in {100 * FEWEST:.0f} % of the time"
                     what = "that acts in few moments"
                 return (
-                    f"Something is missing {what}: the error {horizon}, {before} m/s, {great}, {explained} for sure, "
-                    f"and nothing that is recorded foretells it{rival} {sure}."
+                    f"Something is missing {what}: the error {horizon}, {before} m/s, {great}, {explained}, and "
+                    f"nothing that is recorded foretells it, for sure{rival} {sure}."
                 )
             if not found.explained:
                 by = f"most of it by {_all(found.signals)}" if found.signals else "by no one signal"

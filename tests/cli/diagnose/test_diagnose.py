@@ -20,7 +20,7 @@ from cruise.signals import INPUT, OUTPUT
 from cruise.validation import verdict
 from cruise.validation.candidates import Refused
 from cruise.validation.dead_time import DeadTime
-from cruise.validation.diagnose import Diagnosis
+from cruise.validation.diagnose import Diagnosis, Verdict
 from cruise.validation.numbers import Number
 from cruise.validation.tried import LEAST_GAIN
 from cruise.validation.unnamed import SPEED
@@ -156,6 +156,17 @@ def test_a_column_that_may_be_what_an_effect_lacked_is_said_to(hills, capsys):
     assert hints(replace(found, refused=())) == hints(hills) == []
     slip = (Refused("wheel_slip", "wheel_speed_mps is not recorded"),)
     assert hints(replace(found, signals=(SPEED,), refused=slip)) == [], "no column of theirs"
+
+
+def test_a_curve_that_takes_much_and_is_not_believed_comes_with_what_it_would_have_to_take(hills, capsys):
+    first = hills.steps[0]
+    why = "it is believed only where it leaves clearly less than every effect and takes 45 % or more, or 30 % with an"
+    for gain, verdict_of in ((0.34, "nothing"), (0.1, "nothing"), (0.34, "missing")):
+        tried = tuple(replace(one, gain=gain) if "unnamed" in one.name else one for one in first.tried)
+        found = replace(hills, steps=(replace(first, tried=tried), *hills.steps[1:]))
+        if verdict_of == "nothing":
+            found = replace(found, verdict=Verdict.UNLISTED, effects=(), final=hills.base, steps=found.steps[:1])
+        assert (why in said(capsys, found)) == (gain > 0.3 and verdict_of == "nothing")
 
 
 def test_the_recordings_own_names_of_current_and_speed_are_said(hills, capsys):

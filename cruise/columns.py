@@ -6,6 +6,7 @@ follows the same rules.
 
 import difflib
 import math
+import re
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 from typing import Final
@@ -26,6 +27,7 @@ SLOW_STEP_S: Final = 0.5  # no machine's own rate; more may be ms
 MAX_GAP_NOTES: Final = 5
 CLOCK_DIGITS: Final = 6  # of s: seconds since 1970 hold no more
 CLOCK_S: Final = 1e8  # s, three years: times beyond are those of a clock, and no drive's own
+SOUNDS: Final = re.compile(r"time|(?<![^\W_])(?:ms|us|sec|seconds)(?![^\W_])", re.IGNORECASE)  # like a time
 MOST_CODES: Final = 3  # "specific", "error" and "not available" of J1939-71; what is measured has more values
 CODES_APART: Final = 0.25  # of a signal's range, by which they are apart from all that was measured
 LARGEST: Final[dict[InputUnit, float]] = {"A or a share of all": 3.0, "per cent": 150.0, "mA": math.inf}
@@ -121,14 +123,20 @@ def _from_its_start(time_s: FloatArray, notes: list[str]) -> FloatArray:
     return np.round(time_s - start_s, CLOCK_DIGITS)
 
 
-def time_of(names: Collection[str], settings: RecordingSettings, notes: list[str]) -> str:
-    """Return the name of the time: where nobody has said it and there is no time_s, the one column that sounds so."""
-    sounding = [name for name in names if "time" in name.lower()]
-    said = settings.time != TIME or any(one.signal == TIME for one in settings.columns.values())
-    if said or TIME in names or len(sounding) != 1 or sounding[0] in (settings.input, settings.output):
+def time_of(raw: Mapping[str, FloatArray], settings: RecordingSettings, notes: list[str]) -> str:
+    """Return the name of the time: where nobody has said it and there is no time_s, the one column that sounds so.
+
+    Of several it is the one that rises with every row.
+    """
+    if settings.time != TIME or TIME in raw or any(one.signal == TIME for one in settings.columns.values()):
         return settings.time
-    notes.append(f"{sounding[0]}: taken as the time; time: NAME in the file of --columns takes another column")
-    return sounding[0]
+    sounding = [name for name in raw if SOUNDS.search(name) and name not in (settings.input, settings.output)]
+    rising = [name for name in sounding if np.all(np.diff(raw[name]) > 0.0)]
+    found = rising if len(rising) == 1 else [name for name in sounding if "time" in name.lower()]
+    if len(found) != 1:
+        return settings.time
+    notes.append(f"{found[0]}: taken as the time; time: NAME in the file of --columns takes another column")
+    return found[0]
 
 
 def _rising(name: str, readings: Readings, notes: list[str]) -> Readings:

@@ -42,7 +42,7 @@ def read_csv(path: str | Path, settings: RecordingSettings, dt_s: float | None =
         return tabulated(str(path), raw, settings, dt_s, lambda row: f"{path}:{row + 2}", f"{path}:1", tuple(notes))
     header, rows = _read_rows(path, lines, delimiter)
     raw = {name: numbers([row[index] for _, row in rows]) for index, name in enumerate(header)}
-    time = column_of(time_of(header, settings, []), header, settings)
+    time = column_of(time_of(raw, settings, []), header, settings)
     if time in raw and np.isnan(raw[time]).all():
         raw[time] = np.array([_stamp_s(row[header.index(time)]) for _, row in rows])
     return tabulated(str(path), raw, settings, dt_s, lambda row: f"{path}:{rows[row][0]}", f"{path}:1", tuple(notes))

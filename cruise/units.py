@@ -34,8 +34,10 @@ def apart(name: str) -> tuple[str, str]:
 
 
 def spelt(name: str, unit: str) -> str:
-    """The unit in which a name says that a column is, if it is one for `unit`; else empty."""
+    """The unit in which a name says that a column is, if one for `unit`, of a time its first word too; else empty."""
     found = apart(name)[1]
+    if unit == "s" and not found:
+        found = name.partition("_")[0].lower()
     return found if found in UNITS.get(unit, (unit,)) else ""
 
 

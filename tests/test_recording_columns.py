@@ -40,7 +40,10 @@ def test_an_input_with_times_of_its_own_counts_as_a_share_too():
     columns = {"amps": Readings(time_s, 0.02 * np.arange(41)), OUTPUT: Readings(time_s, time_s)}
     read = arranged("made up", columns, RecordingSettings(input="amps"), None)
     np.testing.assert_allclose(read.input, 20.0 * np.arange(41))
-    assert "amps: 99 % of it is 0.792 at most, no current in mA moves a machine; read as A or a share of all" in read.notes[0]
+    assert (
+        "amps: 99 % of it is 0.792 at most, no current in mA moves a machine; read as A or a share of all"
+        in read.notes[0]
+    )
     in_ma = {"Drive.command_ma": columns["amps"], OUTPUT: columns[OUTPUT]}
     read = arranged("made up", in_ma, RecordingSettings(input="Drive.command_ma"), None)
     np.testing.assert_allclose(read.input, 0.02 * np.arange(41))
@@ -65,6 +68,24 @@ def test_the_one_column_that_sounds_like_a_time_is_it_and_ms_are_read_as_such(tm
     assert len(read_csv(csv_of(tmp_path, rows, "timestamp_ms,pump_current_ma,ground_speed_mps,frame"), in_s).notes) == 1
     with pytest.raises(RecordingError, match="no column 'time_s' for time"):
         read_csv(csv_of(tmp_path, rows, "time_ms,pump_current_ma,ground_speed_mps,gps_time"), PLAIN)
+
+
+@pytest.mark.parametrize(
+    ("header", "taken"),
+    [
+        ("ms_today,pump_current_ma,ground_speed_mps,gps_time,setup_ms", "ms_today"),
+        ("Seconds,pump_current_ma,ground_speed_mps,gps_time,x", "Seconds"),
+        ("n,pump_current_ma,ground_speed_mps,gps_time,delay_ms", "gps_time"),
+        ("Seconds,pump_current_ma,ground_speed_mps,x,y,Time", "Seconds"),
+    ],
+)
+def test_what_sounds_like_a_time_and_rises_with_every_row_goes_before_what_does_not(tmp_path, header, taken):
+    """Beside the clock of a logger stand times that come more rarely, such as that of the last position."""
+    step = 100 if taken.startswith("ms") else 0.1
+    rows = [f"{step * k:.6g},{20 * k},{k / 10},{k // 10},{100 * (k // 3)},9 am" for k in range(200)]
+    read = read_csv(csv_of(tmp_path, rows, header if header.count(",") == 5 else f"{header},remark"), PLAIN)
+    assert f"{taken}: taken as the time" in read.notes[0]
+    assert read.dt_s == pytest.approx(1.0 if taken == "gps_time" else 0.1)
 
 
 @pytest.mark.parametrize(

@@ -326,13 +326,12 @@ def _usable_rows(
     if len(kept) < MIN_SAMPLES:
         raise RecordingError(f"{source}: {len(kept)} usable rows are too few; a recording needs {MIN_SAMPLES} at least")
     step_s = typical_step(time_s[kept])
-    in_ms = f"{entry(time, 0.001)} reads it so"
+    in_ms = "" if spelt(time, "s") else f"{entry(time, 0.001)} reads it so"
     if step_s > MAX_STEP_S:
-        raise RecordingError(
-            f"{source}: one row every {step_s:.4g} s is too few to see a drive move; if {time} is in ms, {in_ms}"
-        )
+        remedy = f"if {time} is in ms, {in_ms}" if in_ms else "record it more often"
+        raise RecordingError(f"{source}: one row every {step_s:.4g} s is too few to see a drive move; {remedy}")
     if step_s > (1.0 + SAME_STEP) * SLOW_STEP_S:
-        notes.append(f"{time}: one row every {step_s:.4g} s; if it is in ms, {in_ms}")
+        notes.append(f"{time}: one row every {step_s:.4g} s" + (f"; if it is in ms, {in_ms}" if in_ms else ""))
     return kept
 
 

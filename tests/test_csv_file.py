@@ -165,7 +165,8 @@ def test_times_that_may_be_ms_are_said_to(tmp_path):
         "time: one row every 1 s; if it is in ms, columns: {time: {scale: 0.001}} in the file of --colu"
         in read.notes[1]
     )
-    assert not any("in ms" in note for note in read_csv(csv_of(tmp_path, ramp(20, 0.5)), PLAIN).notes)
+    assert read_csv(csv_of(tmp_path, ramp(20, 1.0)), PLAIN).notes == ("time_s: one row every 1 s",)  # its name says it
+    assert read_csv(csv_of(tmp_path, ramp(20, 0.5)), PLAIN).notes == ()
 
 
 def test_bad_cells_and_rows_are_counted_not_taken(tmp_path):
@@ -269,7 +270,12 @@ def changed(rows: list[str], index: int, row: str) -> list[str]:
         (None, changed(ramp(), 7, "0.7,70,1.4,9"), "drive.csv:9: 4 cells, but the header names 3 columns"),
         ("Logger X200", ["", "time_s,pump_current_ma", *ramp()], "the first line has to be the header"),
         (None, [f"09:00:{k:02d},1,1" for k in range(20)], "drive.csv:2: no row has a time; let the time column hold"),
-        (None, ramp(20, 50.0), "one row every 50 s is too few to see a drive move; if time_s is in ms"),
+        (None, ramp(20, 50.0), "one row every 50 s is too few to see a drive move; record it more often"),
+        (
+            "time,pump_current_ma,ground_speed_mps",
+            ramp(20, 50.0),
+            "one row every 50 s is too few to see a drive move; if time is in ms",
+        ),
         (None, ramp(9), "9 usable rows are too few; a recording needs 10 at least"),
         (None, [], "0 usable rows are too few"),
         (None, [f"{k / 10},x,1" for k in range(20)], "pump_current_ma holds no number at all; choose another column"),

@@ -29,6 +29,7 @@ CLOCK_DIGITS: Final = 6  # of s: seconds since 1970 hold no more
 CLOCK_S: Final = 1e8  # s, three years: times beyond are those of a clock, and no drive's own
 SOUNDS: Final = re.compile(r"time|(?<![^\W_])(?:ms|us|sec|seconds)(?![^\W_])", re.IGNORECASE)  # like a time
 MOST_CODES: Final = 3  # "specific", "error" and "not available" of J1939-71; what is measured has more values
+FALLS: Final = -0.5  # correlation of input and speed below which one of them has the wrong sign
 CODES_APART: Final = 0.25  # of a signal's range, by which they are apart from all that was measured
 LARGEST: Final[dict[InputUnit, float]] = {"A or a share of all": 3.0, "per cent": 150.0, "mA": math.inf}
 """The largest input and what it is taken to be in: no pump's servo moves below 150 mA, and none takes 3 A."""
@@ -83,7 +84,8 @@ def tabulated(
     time_s = time_s[keep]
     signals = _signals(source, columns, current, speed, settings, said, ("rows", "cells hold no number, not measured"))
     unit = _in_ma(current, signals, settings, said)
-    return replace(on_grid(time_s, signals, dt_s, source, tuple(said)), input_unit=unit)
+    read = replace(on_grid(time_s, signals, dt_s, source, tuple(said)), input_unit=unit)
+    return _with_sign_noted(read, current, speed, settings)
 
 
 def arranged(
@@ -110,7 +112,8 @@ def arranged(
             f"{source}: {few} has {len(measured[few])} readings, too few; a recording needs {MIN_SAMPLES} at least"
         )
     base_s = max(measured.values(), key=typical_step)
-    return replace(on_grid(base_s, signals, dt_s, source, tuple(said)), input_unit=unit)
+    read = replace(on_grid(base_s, signals, dt_s, source, tuple(said)), input_unit=unit)
+    return _with_sign_noted(read, current, speed, settings)
 
 
 def _from_its_start(time_s: FloatArray, notes: list[str]) -> FloatArray:
@@ -263,6 +266,25 @@ def _in_ma(name: str, signals: dict[str, Readings], settings: RecordingSettings,
     notes.append(f"{small}; read as {unit}, all of it as {FULL_MA:g} mA; {entry(name, 1.0)} takes it as it is")
     signals[INPUT] = Readings(current.time_s, scale * current.values)
     return unit
+
+
+def _with_sign_noted(read: Recording, current: str, speed: str, settings: RecordingSettings) -> Recording:
+    """Return the recording with a note where its speed falls as its input rises, by the straight line between them.
+
+    Where both have one sign all the same, a controller holds a speed: it gives more where the machine is slower.
+    """
+    known = np.isfinite(read.input) & np.isfinite(read.output)
+    inputs, speeds = read.input[known], read.output[known]
+    if not known.any() or not np.ptp(inputs) or not np.ptp(speeds) or np.dot(inputs, speeds) >= 0.0:
+        return read
+    if np.corrcoef(inputs, speeds)[0, 1] >= FALLS:
+        return read
+    name, unit = (current, "mA") if np.median(inputs) < 0.0 else (speed, "m/s")
+    meant = settings.columns.get(name) or _by_name(name, unit, []) or ColumnSettings()
+    scale = MA_PER_UNIT[read.input_unit] if name == current and read.input_unit else meant.scale
+    turned = entry(name, -scale, -meant.offset)
+    note = f"the speed falls as the input rises: if the sign of {name} is reversed, {turned} turns it"
+    return replace(read, notes=(*read.notes, note))
 
 
 def column_of(name: str, names: Collection[str], settings: RecordingSettings) -> str:

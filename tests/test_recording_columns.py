@@ -134,6 +134,40 @@ def test_a_current_is_read_in_the_unit_in_brackets(tmp_path, name, most, ma):
     assert any(f'columns: {{"{name}": {{scale: 1}}}}' in note for note in read.notes) is (ma != 1.0)
 
 
+@pytest.mark.parametrize(
+    ("header", "signs", "entry"),
+    [
+        ("time_s,pump_current_ma,ground_speed_mps", (1, -1), "columns: {ground_speed_mps: {scale: -1}}"),
+        ("time_s,pump_current_ma,v_kmh", (1, -1), "columns: {v_kmh: {scale: -0.277778}}"),
+        ("time_s,pump_current_ma,ground_speed_mps", (-1, 1), "columns: {pump_current_ma: {scale: -1}}"),
+        ("time_s,pedal,ground_speed_mps", (-1, 1), "columns: {pedal: {scale: -10}}"),
+        ("time_s,pump_current_ma,ground_speed_mps", (1, 1), ""),
+        ("time_s,pump_current_ma,ground_speed_mps", (-1, -1), ""),
+    ],
+)
+def test_a_speed_that_falls_as_the_input_rises_is_said_with_how_to_turn_it(tmp_path, header, signs, entry):
+    current, speed = signs
+    most, names = (90.0 if "pedal" in header else 800.0), header.split(",")
+    rows = [f"{0.1 * k:.1f},{current * most * k / 40:.6g},{speed * k / 10:.6g}" for k in range(41)]
+    file, said = csv_of(tmp_path, rows, header), RecordingSettings(input=names[1], output=names[2])
+    turns = [note for note in read_csv(file, said).notes if "falls as the input rises" in note]
+    assert len(turns) == bool(entry)
+    if not entry:
+        return
+    assert entry in turns[0]
+    name, scale = entry.removeprefix("columns: {").rstrip("}").split(": {scale: ")
+    turned = msgspec.structs.replace(said, columns={name: ColumnSettings(scale=float(scale))})
+    read = read_csv(file, turned)
+    assert not any("falls as" in note for note in read.notes)
+    np.testing.assert_array_equal(np.sign(read.input[1:] * read.output[1:]), 1.0)
+
+
+def test_a_controller_that_holds_the_speed_on_hills_turns_no_sign(tmp_path):
+    """It gives more current where the machine is slower."""
+    rows = [f"{0.1 * k:.1f},{600 + 100 * np.sin(k / 9):.6g},{2 - 0.1 * np.sin(k / 9):.6g}" for k in range(200)]
+    assert read_csv(csv_of(tmp_path, rows), PLAIN).notes == ()
+
+
 def test_a_signal_that_there_is_none_of_is_said(tmp_path):
     rows = [f"{0.1 * k:.1f},{20 * k},{k / 10},{k},{k}" for k in range(41)]
     file = csv_of(tmp_path, rows, "time_s,pump_current_ma,ground_speed_mps,a,b")

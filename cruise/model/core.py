@@ -18,8 +18,10 @@ Over samples of T, which are means over one period,
 sum h_j = 1. s_i are the means over each period of what a lag makes of a signal that is held over each, so that
 sum j T s_i,j = tau_i: the drive comes as late at any period. In series with the lags stand pairs of poles
 omega^2 / (p^2 + 2 zeta omega p + omega^2), taken in the same way, where there are such: the servo's own, which does
-not ring, where two lags are too few; and a resonance of the drive train, which v passes with the share 1 - r as it is
-and with the share r through the pair. Source: K. J. Astrom, B. Wittenmark, Computer-Controlled Systems, 3rd ed. 1997,
+not ring, where two lags are too few; and a resonance, which v passes with the share 1 - r as it is and with the share r
+through the pair: 0 < r of a drive train that is elastic, r < 0 of a mass that swings on the machine and lags behind it,
+or of a body whose swinging carries the sensor along: (1 + c p^2 / (p^2 + ..)) is (1 + c) - c omega^2 / (p^2 + ..) for
+little damping, r = -c. Source: K. J. Astrom, B. Wittenmark, Computer-Controlled Systems, 3rd ed. 1997,
 section 2.3.
 """
 

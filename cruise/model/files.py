@@ -58,7 +58,7 @@ class PhysicalCore(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     lag_s: Positive
     time_constant_s: Positive
     second_lag_s: NotNegative = 0.0  # 0: there is none
-    resonance_share: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.0  # 0: there is none
+    resonance_share: Annotated[float, msgspec.Meta(ge=-2, le=1)] = 0.0  # 0: there is none
     resonance_hz: Positive = 1.0
     damping: Annotated[float, msgspec.Meta(gt=0, lt=1)] = 0.3
     servo_hz: NotNegative = 0.0  # 0: there is none

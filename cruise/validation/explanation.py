@@ -26,7 +26,9 @@ CORE: Final[Mapping[str, Parameter]] = {
     "stroke_share": Parameter("-", 0.01, 0.9, 0.01, "share of how far the drive yields that rises with the stroke"),
 }
 RESONANCE: Final[Mapping[str, Parameter]] = {
-    "resonance_share": Parameter("-", 0.0, 1.0, 0.0, "share of the drive that passes through the resonance"),
+    "resonance_share": Parameter(
+        "-", -2.0, 1.0, 0.0, "share of the drive that passes through the resonance; below 0 what swings is beside it"
+    ),
     "resonance_hz": Parameter("Hz", 0.25, 2.4, 1.0, "frequency of the resonance, undamped"),
     "damping": Parameter("-", 0.03, 0.6, 0.2, "damping of the resonance"),
 }

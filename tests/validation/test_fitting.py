@@ -14,7 +14,7 @@ from cruise.effects.quadratic_gain import QuadraticGain
 from cruise.effects.saturation import Saturation
 from cruise.model import prediction
 from cruise.model.core import Core
-from cruise.recording import Recording
+from cruise.recording import Recording, resample
 from cruise.signals import OUTPUT
 from cruise.validation.candidates import DelayCandidate, EffectCandidate, ResonanceCandidate, without
 from cruise.validation.explanation import CORE, Explanation
@@ -202,6 +202,26 @@ def test_a_delay_beyond_the_models_own_and_a_resonance_are_found():
     assert core.resonance_hz == pytest.approx(0.7, abs=0.03)
     assert core.resonance_share == pytest.approx(0.5, abs=0.07)
     assert core.damping == pytest.approx(0.15, abs=0.05)
+
+
+def test_a_sensor_below_the_axis_about_which_a_body_swings_is_a_resonance_beside_the_drive():
+    """The body is left behind, its lower end goes ahead: y = v - 0.6 z',  z'' = -v' - 2 d w z' - w^2 z."""
+    one = drive(300.0, 3, 0.05, 0.0)
+    omega, damping, swing_m, rate_mps, shown = 2.0 * np.pi * 0.85, 0.2, 0.0, 0.0, []
+    for change_mps in np.diff(one.output, prepend=one.output[0]).tolist():
+        for _ in range(5):  # of 10 ms
+            rate_mps -= 0.2 * change_mps + 0.01 * (2.0 * damping * omega * rate_mps + omega**2 * swing_m)
+            swing_m += 0.01 * rate_mps
+        shown.append(-0.6 * rate_mps)
+    noise = 0.01 * np.random.default_rng(2).standard_normal(len(one))
+    swings = replace(one, columns={**one.columns, OUTPUT: one.output + np.array(shown) + noise})
+    search = search_of(resample(swings, 0.2))
+    base = search.fitted(START)
+    found = search.grown(base.explanation, ResonanceCandidate())
+    core = found.explanation.core
+    assert core.resonance_share < -0.3
+    assert core.resonance_hz == pytest.approx(0.85, abs=0.08)
+    assert found.cost < 0.2 * base.cost
 
 
 def test_no_number_leaves_its_bounds():

@@ -26,8 +26,8 @@ class Resonance(Effect):
         physics="The oil in the lines is a spring, the tyres are springs, and so is the mast that carries a sensor; "
         "against the machine's mass each makes an oscillator, of a tenth of a hertz to some hertz. A step of current "
         "then rings before the speed settles. What swings in the drive train comes after the drive; what swings beside "
-        "it, a load on springs or a body whose lower end carries the radar, lets the sensor go ahead of it first. This "
-        "is a matter of structure: adding it gives the model a pair of complex poles, two more coefficients a_i, and no "
+        "it, a load on springs or a body whose lower end carries the radar, lets the sensor go ahead at first. This is "
+        "a matter of structure: adding it gives the model a pair of complex poles, two more coefficients a_i, and no "
         "term of its own. Frequency and damping follow from the fitted poles. What rings faster than half the sampling "
         "rate can't be seen.",
         equation="G(s) = w^2 / (s^2 + 2 z w s + w^2): na + 2",

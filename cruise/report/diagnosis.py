@@ -19,6 +19,7 @@ from cruise.validation.tried import LEAST_GAIN, LOOSE, Tried, step_of, tried_in
 from cruise.validation.unnamed import RestCurrent
 
 DOUBTFUL: Final = 0.5  # confidence below which an effect may be missing, rather than is
+FAR: Final = 2.5  # times the noise, from which an error is far above it
 NEGLIGIBLE: Final = 1e-9  # in any unit that numbers are shown in
 ANSWERS: Final = "for its signal answers to the drive itself"
 DISCOUNTED: Final = f"{ANSWERS}, or the line pressure speaks against it"
@@ -51,10 +52,11 @@ def sentence(found: Diagnosis) -> str:
             best = evidence.best_named(found)
             rival = f"; the likeliest effect, `{best.name}`, leaves {_error(best.judged)}" if best else ""
             if found.untold:
-                noise = figure(math.sqrt(found.steps[0].background.noise))
+                noise_mps = math.sqrt(found.steps[0].background.noise)
+                far = "far " if math.sqrt(found.base.loss) > FAR * noise_mps else ""
                 partly = found.steps[0].taken
                 explained = "known effects explain less than half of that" if partly else "no known effect explains it"
-                great = f"is far above the noise of {noise} m/s"
+                great = f"is {far}above the noise of {figure(noise_mps)} m/s"
                 what = "that nobody recorded"
                 if not math.isnan(found.left.swing_s):
                     great, what = f"swings with a period of {found.left.swing_s:.1f} s", f"{what} and that swings"

@@ -15,6 +15,7 @@ from cruise.validation.tried import (
     ALL_OF_IT,
     BEYOND_DOUBT,
     ENOUGH,
+    NEARLY,
     Step,
     Tried,
     asked,
@@ -124,7 +125,8 @@ def margin_of_the_end(found: Selected) -> float:
 def _over(one: Tried, step: Step) -> float:
     """Evidence by which an effect is more than asked, or what stands for it where it takes nearly all."""
     rest = (share_of_all(one, step) - ALL_OF_IT) / (1.0 - ALL_OF_IT)
-    return max(one.counted - asked(one.gain), ENOUGH * min(rest, 1.0) if whole(one, step) else 0.0)
+    more, least = (one.counted - share * asked(one.gain) for share in (1.0, NEARLY))
+    return max(more, 0.5 * least, ENOUGH * min(rest, 1.0) if whole(one, step) else 0.0)
 
 
 def _short(found: Selected) -> list[float]:

@@ -87,7 +87,7 @@ class Diagnosis:
     @property
     def untold(self) -> bool:
         """Whether nothing recorded shows what is missing: the error is far above the noise, nothing foretells it."""
-        return self.verdict is Verdict.UNLISTED and not self.explained and self.left.foretold <= 1.0
+        return self.verdict is Verdict.UNLISTED and not self.explained and self.left.silent
 
     @property
     def momentary(self) -> bool:

@@ -37,6 +37,11 @@ class LeftOver:
         return self.swing.period_s if self.swing.much > 1.0 else math.nan
 
     @property
+    def silent(self) -> bool:
+        """Whether no recorded signal shows what is missing."""
+        return self.untold > self.foretold
+
+    @property
     def missing(self) -> float:
         """Above 1 something is missing that no effect explains."""
         return max(self.foretold, self.untold)

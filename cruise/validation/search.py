@@ -383,7 +383,7 @@ def sureness(without: Judged, with_it: Judged, rng: np.random.Generator) -> floa
 
 
 def few(blocks: int) -> float:
-    """By how much a standard error over so few blocks has to be larger: the spread of Student's t, at worst infinite."""
+    """By how much a standard error over so few blocks has to be larger: as Student's t is spread, at worst infinite."""
     return math.sqrt((blocks - 1) / (blocks - FEW_BLOCKS)) if blocks > FEW_BLOCKS else math.inf
 
 

@@ -21,6 +21,7 @@ from cruise.validation.tried import (
     FEW,
     LEAST_GAIN,
     LOOSE,
+    NEARLY,
     SOME,
     SURE,
     Step,
@@ -111,6 +112,8 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
         before = steps[-2].before if chosen else present
         worthy = [one for one in named if (_further(one, step, before, chosen) if chosen else _first(one, step))]
         pair = _pair(study, step, rng, show) if not worthy and not chosen else None
+        if not worthy and not chosen and pair is None:
+            worthy = [one for one in named if _first(replace(one, evidence=one.evidence / NEARLY), step)]
         if pair is not None:
             steps[-1:] = [replace(step, taken=pair.first.name), replace(pair.step, taken=pair.second.name)]
             chosen, present = [pair.first.name, pair.second.name], pair.second.judged

@@ -11,6 +11,7 @@ from cruise.validation.background import Background
 from cruise.validation.search import Judged, gain
 
 ENOUGH: Final = 60.0  # evidence from which an effect is more than a little of everything
+NEARLY: Final = 6.0 / 7.0  # of it, or of another limit: so near to one, nothing is missing in one case of five
 LEAST_GAIN: Final = 0.15  # of the present loss: errors that fall by less than 8 % are not worth a name
 MUCH: Final = 0.6  # of the present loss: no background takes so much, so that half the evidence is enough,
 FEW: Final = 0.5  # of it: a little of several effects may take less together, so that half as much again is asked

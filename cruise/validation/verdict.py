@@ -17,7 +17,7 @@ from cruise.validation.exchange import Place
 from cruise.validation.left_over import DELAY, LeftOver
 from cruise.validation.search import Judged
 from cruise.validation.selection import Selected
-from cruise.validation.tried import ENOUGH
+from cruise.validation.tried import ENOUGH, NEARLY
 from cruise.validation.unnamed import SPEED
 
 RECORD_MORE: Final = (
@@ -61,13 +61,18 @@ def answered(found: Selected, left: LeftOver, places: Sequence[Place]) -> Answer
 
 def unlisted(found: Selected, left: LeftOver) -> bool:
     """Whether something is missing that is none of the effects."""
-    return found.curved or found.unrecorded or left.missing > 1.0
+    return found.curved or found.unrecorded or left.missing > _limit(found)
+
+
+def _limit(found: Selected) -> float:
+    """Of `LeftOver.missing`: an error that is nearly too large to be nothing, and that no effect explains, is not."""
+    return 1.0 if found.chosen else NEARLY
 
 
 def _margin(found: Selected, left: LeftOver, places: Sequence[Place] = ()) -> float:
     """The least evidence by which anything in the search, or in what it leaves, might have gone the other way."""
-    if left.missing > 1.0:
-        return ENOUGH * (left.missing - 1.0)
+    if left.missing > _limit(found):
+        return ENOUGH * (left.missing - _limit(found))
     margin = min([*(one.margin for one in places), margin_of_the_end(found)])
     return margin if found.curved else min(margin, ENOUGH * (1.0 - left.missing))
 
@@ -89,9 +94,9 @@ def _curve(found: Selected, left: LeftOver, places: Sequence[Place]) -> Answer |
 
 def _unlisted(found: Selected, left: LeftOver, places: Sequence[Place]) -> Answer | None:
     """What the recorded signals foretell, or what swings, or an error that is far too large."""
-    if left.missing <= 1.0:
+    if left.missing <= _limit(found):
         return None
-    signals = () if left.untold > 1.0 else left.hidden.signals
+    signals = () if left.silent else left.hidden.signals
     words = _vary(signals) if signals else RECORD_MORE
     if not math.isnan(left.swing_s):
         words = SWINGS.format(period_s=left.swing_s)

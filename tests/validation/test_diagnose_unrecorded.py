@@ -1,11 +1,17 @@
 """What no recorded signal shows: an error far above the noise, in few moments, or one that swings."""
 
+from copy import copy
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from cruise.report.diagnosis import sentence
 from cruise.report.diagnosis_figures import report
+from cruise.validation.confidence import LEAST_UNTOLD, confidence_of, untold
 from cruise.validation.diagnose import Verdict
+from cruise.validation.selection import Selected
+from cruise.validation.verdict import answered
 from tests.validation.diagnosing import DT_S, SAMPLES, found
 from tests.validation.driving import wander
 
@@ -18,6 +24,20 @@ def test_an_error_far_above_the_noise_that_nothing_foretells_has_a_cause_that_no
     assert not one.explained
     assert "record what else" in one.next_experiment
     assert "Something is missing that nobody recorded" in sentence(one)
+
+
+def test_an_error_that_is_nearly_as_far_above_it_is_not_called_nothing():
+    one = found(load_mps=wander(SAMPLES, DT_S, 13, 0.3, 4.0))
+    times = np.sqrt(one.base.loss / one.steps[0].background.noise)
+    for far, verdict in ((0.95, Verdict.UNLISTED), (0.8, Verdict.NOTHING)):
+        background = copy(one.steps[0].background)
+        background.noise = one.base.loss / (far * LEAST_UNTOLD) ** 2
+        searched = Selected((replace(one.steps[0], background=background),), (), one.base, ())
+        left = replace(one.left, foretold=0.0, untold=untold(searched, 0.0, 0.2))
+        answer = answered(searched, left, ())
+        assert answer.verdict is verdict
+        assert 0.05 < confidence_of(answer.margin, verdict) < 0.9
+    assert times > LEAST_UNTOLD
 
 
 def test_an_error_in_few_moments_has_a_cause_though_it_is_not_great():

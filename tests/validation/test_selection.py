@@ -10,7 +10,8 @@ from cruise.effects import EFFECTS
 from cruise.signals import OUTPUT
 from cruise.validation import selection, tried
 from cruise.validation.candidates import UNNAMED
-from cruise.validation.diagnose import diagnose
+from cruise.validation.confidence import answer_of, confidence_of, margin_of_the_end
+from cruise.validation.diagnose import Verdict, diagnose
 from cruise.validation.mediator import MEDIATED
 from cruise.validation.search import Judged
 from cruise.validation.selection import LEAST_COMMAND, least_share
@@ -250,6 +251,23 @@ def test_a_gain_that_is_not_sure_is_not_named(grade, monkeypatch):
     assert one.untold  # a great error all the same
     assert one.effects == ()
     assert one.steps[0].tried[0].gain == grade.steps[0].tried[0].gain > LEAST_GAIN
+
+
+@pytest.mark.parametrize(("share", "chosen"), [(1.05, ("grade",)), (0.9, ("grade",)), (0.8, ())])
+def test_an_effect_that_is_nearly_enough_is_named_as_nothing_would_hardly_be_believed(
+    grade, monkeypatch, share, chosen
+):
+    first = grade.steps[0]
+    one = replace(first.tried[0], gain=0.4, credit=1.0, evidence=share * asked(0.4), sureness=2.0)
+
+    def beside(study, present, everyone, so_far, *_):
+        return replace(first, before=present, tried=() if so_far else (one,), taken="")
+
+    monkeypatch.setattr(selection, "tried_beside", beside)
+    found = selection.selected(grade.study, np.random.default_rng(0), lambda text: None)
+    assert found.chosen == chosen
+    near = margin_of_the_end(found)
+    assert 0.05 < confidence_of(near, answer_of(Verdict.MISSING if chosen else Verdict.NOTHING, chosen)) < 0.6
 
 
 def test_what_few_blocks_hold_needs_more_evidence(grade):

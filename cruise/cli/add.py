@@ -190,8 +190,11 @@ def _absent(effect: str, fitted: list[Parameter]) -> bool:
 
 
 def floor_in_words(floor: NoiseFloor) -> str:
-    """Between what the error of the best model lies."""
+    """Between what the error of the best model lies; what a flexible model reaches may be less than what a straight one
+    takes for noise."""
     said = []
+    if floor.white is not None and floor.reached is not None and floor.reached.value_mps < floor.white.value_mps:
+        return f"{floor.reached.value_mps:.4f} to {floor.white.value_mps:.4f} m/s"
     if floor.white is not None:
         said.append(f"at least {floor.white.value_mps:.4f} m/s")
     if floor.reached is not None:

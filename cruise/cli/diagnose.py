@@ -72,7 +72,7 @@ def diagnose(
         destination("--picture", wanted, PICTURES)
     with working("reading") as show:
         read = columns_of(columns, input_name, output_name, database)
-        native = tables(recordings, read)
+        native = tables(recordings, read, model=model)
         begun = ladder.begin(native, structure, start, core, period_s, horizon, show, at_their_rate=True)
         found = search(begun, show)
         show("weighing the evidence")

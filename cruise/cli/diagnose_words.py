@@ -43,6 +43,7 @@ from cruise.validation.noise_floor import NoiseFloor
 from cruise.validation.numbers import BOUND, NOT_TOLD, numbers
 from cruise.validation.search import Judged
 from cruise.validation.selection import LEAST_CURVED, PLAINLY_CURVED
+from cruise.validation.simulation import JUDGED_S, paced
 from cruise.validation.tried import ENOUGH, FEW, LEAST_GAIN, MUCH, RESISTS, Tried, asked
 
 WIDTH: Final = 80
@@ -51,6 +52,7 @@ RECORDINGS_SHOWN: Final = 4  # in a command; more are left to the user
 CURVE_SHOWN: Final = 5  # points of a curve
 NAME_WIDTH: Final = 18  # of the longest name of an effect
 STALE: Final = 1.3  # times the error of the refitted model, from which a file's own parameters are worth a word
+MOST: Final = 0.9  # of the samples, that are usually judged: else it is said how many
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +93,7 @@ def say(
     """
     console, study = printer(WIDTH), found.study
     _print(console, sentence(found), 0, bold=True)
-    samples = sum(len(one) for one in study.recordings)
+    samples, judged = sum(len(one) for one in study.recordings), int(study.search.scene.judged.sum())
     _print(console, f"{model}, refitted; seed {SEED}", 0)
     if own is not None and own.refused:
         _print(console, f"how well its own parameters fit can't be said: {own.refused}", 0)
@@ -105,7 +107,12 @@ def say(
     for line in (_called(called or {}, study.recordings[0].input_unit), *hints(found), late(found)):
         if line:
             _print(console, line, 0)
-    _print(console, f"{count_of(len(study.recordings), 'recording')}, {samples} samples of {study.period_s:g} s", 0)
+    few = (
+        f", {judged} of them {study.horizon_s:g} s or more behind a hole and judged" if judged < MOST * samples else ""
+    )
+    _print(
+        console, f"{count_of(len(study.recordings), 'recording')}, {samples} samples of {study.period_s:g} s{few}", 0
+    )
     _print(console, f"noise floor {study.horizon_s:g} s ahead: {floor_in_words(floor)}", 0)
     notes = notes_of(study.recordings)
     for note in notes[:NOTES_SHOWN]:
@@ -242,10 +249,12 @@ def _ranking(console: Console, found: Diagnosis) -> None:
         )  # fmt: skip
     console.print()
     console.print(table)
+    horizon_s = found.study.horizon_s
+    span_s = f"{horizon_s:g} to {horizon_s + paced(JUDGED_S, horizon_s):.3g} s"
     _print(
         console,
-        "less %: by which the squared error fell, raw and whitened in equal parts; t: the same in standard errors, "
-        "over blocks of time",
+        f"error: of predictions of {span_s}; less %: by which the squared error fell, raw and whitened in equal parts; "
+        "t: the same in standard errors, over blocks of time",
     )
     _print(
         console,

@@ -49,6 +49,7 @@ def report(found: Diagnosis, model: str, structure: str) -> dict[str, Any]:
         "structure": structure,
         "recordings": [one.source for one in found.study.recordings],
         "samples": sum(len(one) for one in found.study.recordings),
+        "judged_samples": int(found.study.search.scene.judged.sum()),
         "period_s": found.study.period_s,
         "notes": notes_of(found.study.recordings),
         "refused": [{"effect": one.effect, "reason": one.reason} for one in found.refused],

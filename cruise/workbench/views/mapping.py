@@ -19,7 +19,7 @@ BY_SIZE: Final = ("%", "share")  # of a table's current: its reader sees which, 
 AS_IT_IS: Final = "leave as it is"
 AS_SET: Final = "as set"  # scale and offset of the settings, which are those of no unit here
 SAME: Final = 1e-4  # relative: 0.277778 is 1 / 3.6
-LEAVING_OUT: Final = ("cruise_", "requested_", "setpoint", "lever", "brake", "clutch", "pump_current_command")
+LEAVING_OUT: Final = ("cruise_", "requested_", "setpoint", "lever", "pump_current_command")
 
 
 def show(page: Page, asked: Asked) -> None:

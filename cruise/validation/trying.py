@@ -17,7 +17,7 @@ import numpy as np
 from cruise.effects import EFFECTS
 from cruise.validation.background import STRUCTURAL, Background
 from cruise.validation.candidates import MEDIATORS, UNNAMED, Candidate, EffectCandidate, with_effect, without
-from cruise.validation.explanation import RESONANCE, Explanation
+from cruise.validation.explanation import Explanation
 from cruise.validation.fitting import Fit
 from cruise.validation.mediator import (
     SHOWN,
@@ -38,6 +38,7 @@ from cruise.validation.study import Study
 from cruise.validation.told import told_shapes
 from cruise.validation.tried import LEAST_GAIN, LOOSE, RESISTANCE, Step, Tried, counted, held_out
 
+RINGS: Final = 0.5  # damping of a pair of poles, from which it overshoots by less than a sixth
 OF_BOTH_SPEEDS: Final = frozenset({"wheel_slip", "sensor_bias"})  # read the difference of wheel and ground speed
 OF_THE_SLOPE: Final = 0.3  # of what a grade takes away, that a curve of the slope must take, too: one took 0.8 or more
 SURE_OF_SLIP: Final = 1.5  # standard errors: slip had 0.3 or more in 16 drives of 17, a bias -1.6 or less in 6 of 7
@@ -183,9 +184,9 @@ def stands_in_for_dead_time(search: Search, judged: Sequence[Judged]) -> bool:
 
 
 def rings(judged: Sequence[Judged]) -> bool:
-    """Whether a resonance, if one is tried, has less damping than there may be: with that much a response only lags."""
+    """Whether a resonance, if one is tried, swings back by a sixth or more: else a response is quick and then slow."""
     damping = [one.explanation.core.damping for one in judged if one.candidate == "resonance"]
-    return all(one < (1.0 - AT_BOUND) * RESONANCE["damping"].high for one in damping)
+    return all(one < RINGS for one in damping)
 
 
 def taken_for_the_other(search: Search, present: Judged, judged: Sequence[Judged]) -> tuple[str, ...]:

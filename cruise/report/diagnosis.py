@@ -110,9 +110,16 @@ def _beside(found: Diagnosis) -> str:
     """What else is missing beside effects that are needed."""
     if not found.beside:
         return ""
+    beside = f" Beside {'it' if len(found.effects) == 1 else 'them'} something is missing"
+    through = [name for name in MEDIATORS if found.beside in EFFECTS[name].needs]
+    if through:
+        return (
+            f"{beside} that {signal_of(found.beside)} shows and nothing else that is recorded: a force, or what acts "
+            f"through it as {_all(through)} does, which takes most of what is left."
+        )
     return (
-        f" Beside {'it' if len(found.effects) == 1 else 'them'} something is missing that is none of the effects that "
-        f"cruise knows: most of what is left depends on {signal_of(found.beside)}."
+        f"{beside} that is none of the effects that cruise knows: most of what is left depends on "
+        f"{signal_of(found.beside)}."
     )
 
 

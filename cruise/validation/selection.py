@@ -142,6 +142,8 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
             curve, margin = alone, more.counted - asked(more.gain)
         elif more is not None:
             beside = more.name.removeprefix(UNNAMED)
+        else:
+            beside = _witness_of_the_rest(steps[-1])
     if curve is not None:
         return Selected(tuple(steps), (curve.name,), curve.judged, tuple(refused), margin)
     return Selected(tuple(steps), tuple(chosen), present, tuple(refused), beside=beside)
@@ -320,6 +322,16 @@ def _acts_through(name: str) -> frozenset[str]:
     kind = EFFECTS[name]
     signals = {INPUT} if kind.stage in (Stage.COMMAND, Stage.DYNAMICS) else set()
     return frozenset({*signals, *kind.needs} | ({SPEED} if kind.reads_speed or OUTPUT in kind.needs else set()))
+
+
+def _witness_of_the_rest(last: Step) -> str:
+    """The signal through which every force acts, where it shows one that nobody recorded, and most of what is left."""
+    shows = tried_in(last, last.unrecorded)
+    if shows is None:
+        return ""
+    left = last.before.loss - last.background.noise
+    most = last.before.loss - shows.judged.loss >= MOST_OF_IT * left
+    return next(iter(EFFECTS[last.unrecorded].needs)) if most else ""
 
 
 def together(first: Step, one: Judged, names: Sequence[str]) -> float:

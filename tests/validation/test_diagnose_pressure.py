@@ -100,6 +100,15 @@ def test_a_force_that_nobody_recorded_shows_in_the_pressure_and_is_no_leakage():
     assert "a force that nobody recorded. It shows in `line_pressure_bar`" in sentence(one)
 
 
+def test_a_force_that_nobody_recorded_is_said_beside_what_acts_on_the_command():
+    wind_mps = wander(SAMPLES, DT_S, 13, 0.08, 4.0)
+    one = pressed(120.0 - 300.0 * wind_mps, wind_mps, command=bent)
+    assert (one.verdict, one.effects, one.beside) == (Verdict.MISSING, ("dead_zone",), "line_pressure_bar")
+    assert "Beside it something is missing that line_pressure_bar shows" in sentence(one)
+    still = pressed(120.0 + 10.0 * PITCH, 0.0 * PITCH, command=bent)
+    assert (still.effects, still.beside) == (("dead_zone",), "")
+
+
 def test_a_slope_is_a_force_though_no_effect_of_one_is_known():
     pull_mps = -0.35 * GRAVITY_MPS2 * np.sin(np.radians(PITCH))
     pressure_bar = 120.0 - 300.0 * pull_mps

@@ -149,7 +149,7 @@ class ResonanceCandidate:
     def grown(self, explanation: Explanation) -> Iterator[Explanation]:
         """From four frequencies, in the drive train and beside it, weak: what is too strong is led away from it."""
         structural = explanation.structural | {self.name}
-        for share in (0.1, -0.1):
+        for share in (0.1, -0.3):
             for frequency_hz in (0.4, 0.7, 1.2, 1.9):
                 core = replace(explanation.core, resonance_share=share, resonance_hz=frequency_hz, damping=0.15)
                 yield replace(explanation, core=core, structural=structural)

@@ -19,12 +19,13 @@ CORE: Final[Mapping[str, Parameter]] = {
     "delay_s": Parameter("s", 0.0, 2.0, 0.3, "dead time between current and drive"),
     "lag_s": Parameter("s", 0.02, LONGEST_LAG_S, 0.15, "lag of the actuator"),
     "second_lag_s": Parameter("s", 0.005, LONGEST_LAG_S, 0.05, "second lag of the actuator"),
-    "time_constant_s": Parameter("s", 0.03, 300.0, 0.6, "time constant of the vehicle; of one that is pushed, minutes"),
+    "time_constant_s": Parameter("s", 0.03, 10.0, 0.6, "time constant of the vehicle"),
     "servo_hz": Parameter("Hz", 0.5, 4.0, 1.5, "frequency of the servo, where two lags are too few for it"),
     "servo_damping": Parameter("-", 0.6, 0.99, 0.8, "its damping: with less it is a resonance"),
     # Not zero, where gears would slow the drive by another equation: a fit walks through no such edge.
     "stroke_share": Parameter("-", 0.01, 0.9, 0.01, "share of how far the drive yields that rises with the stroke"),
 }
+PUSHED_S: Final = 300.0  # s, the longest time constant of a vehicle that a torque pushes: its drag alone slows it
 RESONANCE: Final[Mapping[str, Parameter]] = {
     "resonance_share": Parameter(
         "-", -2.0, 1.0, 0.0, "share of the drive that passes through the resonance; below 0 what swings is beside it"

@@ -91,13 +91,19 @@ class Layout:
         return replace(one, core=replace(one.core, **core), effects=effects, loads=kept, offset_mps=offset_mps)
 
 
-def layout(start: Explanation, longest_delay_s: float, gain_scale: float, free: Callable[[str], bool]) -> Layout:
+def layout(
+    start: Explanation,
+    longest_delay_s: float,
+    gain_scale: float,
+    free: Callable[[str], bool],
+    slowest_s: float = CORE["time_constant_s"].high,
+) -> Layout:
     """All numbers of `start` that are free: core, offset, every load, shapes that are not idle and `free` lets go."""
+    longest_s = {"delay_s": longest_delay_s, "time_constant_s": slowest_s}
     slots = [Slot("core", "gain_mps_per_ma", -FAR * gain_scale, FAR * gain_scale, gain_scale)]
     for name in ("delay_s", "lag_s", "second_lag_s", "time_constant_s"):
         bound = CORE[name]
-        high = longest_delay_s if name == "delay_s" else bound.high
-        slots.append(Slot("core", name, bound.low, high, 0.3))
+        slots.append(Slot("core", name, bound.low, longest_s.get(name, bound.high), 0.3))
     if start.core.servo_hz:
         pair = [(name, CORE[name]) for name in ("servo_hz", "servo_damping")]
         slots += [Slot("core", name, b.low, b.high, 0.3 * (b.high - b.low)) for name, b in pair]

@@ -22,7 +22,7 @@ from cruise.validation.explanation import CORE, START, Explanation
 from cruise.validation.fitting import Fit, Layout, Objective, bounded, fit, layout
 from cruise.validation.simulation import RAN_AWAY_MPS, Scene, paced
 from cruise.validation.slip import slip_mps, sure_of_slip
-from cruise.validation.starts import NEARLY, Starts, apart
+from cruise.validation.starts import NEARLY, Promise, Starts, apart
 from cruise.validation.told import kinds_of
 from cruise.validation.unnamed import RestCurrent
 
@@ -91,6 +91,7 @@ class Search:
     def __init__(self, scene: Scene, longest_delay_s: float, gain_scale: float, fixed: frozenset[str]) -> None:
         self.scene = scene
         self.longest_delay_s, self.gain_scale = longest_delay_s, gain_scale
+        self.slowest_s = CORE["time_constant_s"].high
         self.starts = tuple(part.start for part in scene.parts)
         self.disturbance = Disturbance((), self.starts)
         self.blocks = _blocks(scene)
@@ -105,7 +106,8 @@ class Search:
         return CORE["delay_s"].high if "transport_delay" in explanation.structural else self.longest_delay_s
 
     def plan(self, start: Explanation) -> Layout:
-        return layout(start, self.most_delay_s(start), self.gain_scale, lambda name: name not in self.fixed)
+        most_s = self.most_delay_s(start)
+        return layout(start, most_s, self.gain_scale, lambda name: name not in self.fixed, self.slowest_s)
 
     def fitted(self, start: Explanation, steps: int = ORDINARY_STEPS) -> Fit:
         return fit(self.scene, self.plan(start), steps)
@@ -122,6 +124,8 @@ class Search:
         """The same in one way; from further starts only while nothing is gained."""
         starts = self._starts_beside(explanation)
         options = starts.promising(list(candidate.grown(explanation)))
+        if candidate.name == "resonance":  # what it promises depends on where the core will be
+            return self._best_of_all(starts, options)
         fits: list[Fit] = []
         for promise in apart(options):
             gained = options[0].told and any(one.cost < starts.before for one in fits)
@@ -140,10 +144,13 @@ class Search:
         """
         starts = self._starts_beside(explanation)
         options = [one for way in ways_of(candidate) for one in starts.promising(list(way.grown(explanation)))]
+        return self.finished(self._best_of_all(starts, options))
+
+    def _best_of_all(self, starts: Starts, options: Sequence[Promise]) -> Fit:
         fits = [self.fitted(starts.nearest(one.start), ONE_STEP) for one in options]
         best = sorted(fits, key=lambda one: one.cost)[:MOST_STARTS]
         fits = [self.fitted(one.explanation, QUICK_STEPS) for one in best]
-        return self.finished(min(fits, key=lambda one: one.cost))
+        return min(fits, key=lambda one: one.cost)
 
     def served(self, present: Judged) -> Judged:
         """The same with a pair of poles for the servo, where the two lags are too few: it errs clearly less then.
@@ -232,7 +239,7 @@ class Search:
     def grown_anew(self, explanation: Explanation, candidate: Candidate) -> Fit:
         """`grown` with the lags' time in the vehicle at first: data say how slow all of them are before which."""
         core = explanation.core
-        slow_s = min(core.lag_s + core.second_lag_s + core.time_constant_s, CORE["time_constant_s"].high)
+        slow_s = min(core.lag_s + core.second_lag_s + core.time_constant_s, self.slowest_s)
         anew = replace(core, lag_s=START.lag_s, second_lag_s=START.second_lag_s, time_constant_s=slow_s)
         return self.grown(replace(explanation, core=anew), candidate)
 

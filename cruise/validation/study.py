@@ -21,9 +21,9 @@ from cruise.signals import OUTPUT
 from cruise.validation.background import STRUCTURAL
 from cruise.validation.candidates import Candidate, EffectCandidate, candidate_of, why_not
 from cruise.validation.complete import complete
-from cruise.validation.explanation import START, Explanation
+from cruise.validation.explanation import PUSHED_S, START, Explanation
 from cruise.validation.line_pressure import force_of_a_bar
-from cruise.validation.search import Judged, Search
+from cruise.validation.search import AT_BOUND, Judged, Search
 from cruise.validation.simulation import JUDGED_S, WARM_UP_S, Scene, paced
 from cruise.validation.told import BY_SLOPE, kinds_of
 
@@ -105,6 +105,9 @@ def study(
         )
     show("fitting the core")
     found = search.fitted(explanation)
+    if found.explanation.core.time_constant_s > (1.0 - AT_BOUND) * search.slowest_s:
+        search.slowest_s = PUSHED_S
+        found = search.fitted(found.explanation)
     for effect in effects:
         show(f"fitting with {effect.name}")
         given = EffectCandidate(effect.name, given=effect if file else None, told=kinds_of(effect.name))

@@ -36,7 +36,7 @@ from cruise.report.evidence import SURE, Number
 from cruise.report.mapping import hints
 from cruise.signals import INPUT
 from cruise.units import MA_PER_UNIT, InputUnit
-from cruise.validation.candidates import UNNAMED
+from cruise.validation.candidates import UNNAMED, Refused
 from cruise.validation.diagnose import SEED, Diagnosis, Verdict
 from cruise.validation.left_over import DELAY
 from cruise.validation.noise_floor import NoiseFloor
@@ -129,7 +129,7 @@ def say(
     _list(console, "what the forces say", forces(found))
     _list(console, "look-alikes", look_alikes(found))
     _list(console, "next experiment", experiments(found))
-    _list(console, "what these recordings can't speak of", [_refusal(one.effect, one.reason) for one in found.refused])
+    _list(console, "what these recordings can't speak of", [_refusal(one) for one in found.refused])
     _list(console, "to go on", _commands(found, model, recordings, options, own is not None and own.stale))
     console.print(f"\npicture: {picture}", soft_wrap=True)
 
@@ -287,9 +287,9 @@ def _counted(one: Tried) -> str:
     return f"{round(one.counted)}{'*' if one.credit < 1.0 else ''}"
 
 
-def _refusal(effect: str, reason: str) -> str:
-    why = reason.removesuffix(" -")  # the unit of what has none
-    return f"`{effect}`: {why} - " + ("not excited, not absent" if " moves: it stays" in why else "it can't be blamed")
+def _refusal(one: Refused) -> str:
+    why = one.reason.removesuffix(" -")  # the unit of what has none
+    return f"`{one.effect}`: {why} - " + ("not excited, not absent" if one.still else "it can't be blamed")
 
 
 def _commands(

@@ -71,6 +71,7 @@ class Refused:
 
     effect: str
     reason: str
+    still: bool = False  # its signal is recorded, and hardly moves: it was not excited
 
 
 @dataclass(frozen=True)
@@ -190,9 +191,11 @@ def candidates(recordings: Sequence[Recording], explanation: Explanation) -> tup
     for name, kind in EFFECTS.items():
         if name in explanation.names:
             continue
-        reason = why_not(kind, recordings) or _shown_by_its_cause(kind, recordings)
+        lacks = absent(kind, recordings)
+        stays = "" if lacks else still(kind, recordings)
+        reason = lacks or stays or _shown_by_its_cause(kind, recordings)
         if reason:
-            refused.append(Refused(name, reason))
+            refused.append(Refused(name, reason, bool(stays)))
         else:
             found.append(candidate_of(name, recordings))
     return found, refused
@@ -232,12 +235,21 @@ def unnamed(recordings: Sequence[Recording], explanation: Explanation) -> list[U
 
 def why_not(kind: type[Effect], recordings: Sequence[Recording]) -> str:
     """Why these recordings can't speak of an effect; empty where they can."""
-    for need in kind.needs:
-        if need == OUTPUT:
-            continue
+    return absent(kind, recordings) or still(kind, recordings)
+
+
+def absent(kind: type[Effect], recordings: Sequence[Recording]) -> str:
+    """Which signal an effect lacks, so that it can't be computed; empty where none."""
+    for need in _read(kind):
         if any(need not in one.columns or not np.isfinite(one.columns[need]).any() for one in recordings):
             partly = why_left_out(need, recordings)
             return f"{need} is not recorded throughout: {partly}" if partly else f"{need} is not recorded"
+    return ""
+
+
+def still(kind: type[Effect], recordings: Sequence[Recording]) -> str:
+    """Which signal of an effect hardly moves, of those that are recorded; empty where none."""
+    for need in _read(kind):
         values = np.concatenate([one.columns[need] for one in recordings])
         values = values[np.isfinite(values)]
         size = max(abs(float(np.median(values))), 1e-3 * (SIGNALS[need].high - SIGNALS[need].low))
@@ -245,6 +257,11 @@ def why_not(kind: type[Effect], recordings: Sequence[Recording]) -> str:
             ever = "never" if np.ptp(values) < SAME * size else "hardly"
             return f"{need} {ever} moves: it stays at {np.median(values):g} {SIGNALS[need].unit}"
     return ""
+
+
+def _read(kind: type[Effect]) -> list[str]:
+    """The signals that an effect reads beside the speed."""
+    return [need for need in kind.needs if need != OUTPUT]
 
 
 def _shown_by_its_cause(kind: type[Effect], recordings: Sequence[Recording]) -> str:

@@ -124,7 +124,7 @@ class Search:
         """The same in one way; from further starts only while nothing is gained."""
         starts = self._starts_beside(explanation)
         options = starts.promising(list(candidate.grown(explanation)))
-        if candidate.name == "resonance":  # what it promises depends on where the core will be
+        if any(one.start.core != explanation.core for one in options):  # a promise depends on the core
             return self._best_of_all(starts, options)
         fits: list[Fit] = []
         for promise in apart(options):
@@ -147,6 +147,7 @@ class Search:
         return self.finished(self._best_of_all(starts, options))
 
     def _best_of_all(self, starts: Starts, options: Sequence[Promise]) -> Fit:
+        """A step from each start, a few from the best of them."""
         fits = [self.fitted(starts.nearest(one.start), ONE_STEP) for one in options]
         best = sorted(fits, key=lambda one: one.cost)[:MOST_STARTS]
         fits = [self.fitted(one.explanation, QUICK_STEPS) for one in best]

@@ -18,6 +18,7 @@ from typing import Any, Final
 import numpy as np
 
 from cruise.effects import Effect, Stage, over
+from cruise.effects.low_pass import held_over
 from cruise.effects.stroke import factor
 from cruise.model.core import Core
 from cruise.model.model import paces, stroke_pace, yields
@@ -307,11 +308,8 @@ class Scene:
 
 def _held(values: np.ndarray) -> np.ndarray:
     """Values (N,) whose holes hold what was last known; those at first what is known first, zero where nothing is."""
-    known = np.isfinite(values)
-    if known.all() or not known.any():
-        return np.nan_to_num(values)
-    last = np.maximum.accumulate(np.where(known, np.arange(len(values)), np.argmax(known)))
-    return values[last]
+    known = values[np.isfinite(values)]
+    return np.nan_to_num(held_over(values), nan=known[0] if len(known) else 0.0)
 
 
 def _stacked(effects: Sequence[Effect]) -> Effect:

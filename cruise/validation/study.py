@@ -19,7 +19,7 @@ from cruise.model.model import Model
 from cruise.recording import Recording, resample
 from cruise.signals import OUTPUT
 from cruise.validation.background import STRUCTURAL
-from cruise.validation.candidates import Candidate, EffectCandidate, candidate_of, why_not
+from cruise.validation.candidates import Candidate, EffectCandidate, absent, candidate_of, why_not
 from cruise.validation.complete import complete
 from cruise.validation.explanation import PUSHED_S, START, Explanation
 from cruise.validation.line_pressure import force_of_a_bar
@@ -78,8 +78,8 @@ def study(
     prepared = at_period(recordings, period_s)
     horizon_s = round(max(round(horizon_s / period_s), 1) * period_s, 9)
     for effect in effects:
-        reason = why_not(type(effect), prepared) if effect.name in EFFECTS else ""
-        if reason and " moves: it stays" not in reason:
+        reason = absent(type(effect), prepared) if effect.name in EFFECTS else ""
+        if reason:
             raise FitError(f"the model's {effect.name} can't be computed: {reason}; record it, or leave the effect out")
     shared = set.intersection(*(set(one.columns) for one in prepared))
     raw = [_no_finer(one, period_s) for one in recordings] if at_their_rate else None

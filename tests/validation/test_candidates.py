@@ -80,7 +80,7 @@ def test_what_never_moves_is_not_excited_not_absent():
     )
     assert why_not(Grade, [still]) == "pitch_deg never moves: it stays at 0 deg"
     _, refused = candidates([still], BARE)
-    assert Refused("grade", "pitch_deg never moves: it stays at 0 deg") in refused
+    assert Refused("grade", "pitch_deg never moves: it stays at 0 deg", still=True) in refused
     moving = recorded(engine_speed_rpm=2050.0 + wander(SAMPLES, 0.2, 1, 40.0, 4.0))
     assert why_not(EngineSpeed, [moving]) == ""
 

@@ -223,8 +223,8 @@ def test_what_was_taken_back_is_neither_drawn_nor_reported(hills):
 
 
 def test_commands_can_be_copied_and_no_unit_is_no_dash(hills, capsys):
-    hardly = Refused("engine_speed", "engine_speed_rpm hardly moves: it stays at 2100 rpm")
-    refused = (Refused("gear_ratio", "gear never moves: it stays at 2 -"), hardly)
+    hardly = Refused("engine_speed", "engine_speed_rpm hardly moves: it stays at 2100 rpm", still=True)
+    refused = (Refused("gear_ratio", "gear never moves: it stays at 2 -", still=True), hardly)
     diagnose_words.say(replace(hills, refused=refused), FLOOR, "my model.yaml", ["drive.csv"], [], "p.png")
     out = capsys.readouterr().out
     assert "cruise add grade --model 'my model.yaml' drive.csv -o better.yaml" in out

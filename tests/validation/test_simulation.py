@@ -20,48 +20,17 @@ from cruise.effects.sensor_bias import SensorBias
 from cruise.effects.speed_droop import SpeedDroop
 from cruise.effects.wheel_slip import WheelSlip
 from cruise.model import prediction
-from cruise.model.core import TAIL, Core
+from cruise.model.core import TAIL
 from cruise.model.model import Model
 from cruise.recording import Recording, resample
 from cruise.signals import INPUT, OUTPUT
 from cruise.validation import simulation
 from cruise.validation.explanation import Explanation
-from cruise.validation.simulation import JUDGED_S, RAN_AWAY_MPS, SETTLES_S, WARM_UP_S, Scene
-from tests.validation.driving import drive, wander
+from cruise.validation.simulation import RAN_AWAY_MPS, Scene
+from tests.validation.scenes import AHEAD, CORE, EACH, PERIOD_S, recording, scene_of
 
-PERIOD_S = 0.2
-AHEAD, EACH = round(WARM_UP_S / PERIOD_S), round(JUDGED_S / PERIOD_S)
-CORE = Core(2.5e-3, 0.33, 0.15, 0.6, second_lag_s=0.05)
 LONG = 60  # taps that leave nothing out
 COMPARED = (AHEAD, AHEAD + 1, AHEAD + 2, 25, 35, AHEAD + EACH - 1)  # samples ahead; all of them take long
-
-
-def context(samples: int, dt_s: float, seed: int) -> dict[str, np.ndarray]:
-    """Signals of every kind that effects ask for."""
-    gear = np.where(np.arange(samples) * dt_s // 37.0 % 2 == 0, 2.0, 3.0)
-    return {
-        "pitch_deg": wander(samples, dt_s, seed + 1, 2.5, 4.0),
-        "engine_speed_rpm": 2050.0 + wander(samples, dt_s, seed + 2, 60.0, 3.0),
-        "gear": gear,
-        "engine_load_pct": 60.0 + wander(samples, dt_s, seed + 3, 15.0, 3.0),
-        "wheel_speed_mps": 1.5 + wander(samples, dt_s, seed + 4, 0.4, 3.0),
-        "machine_mass_kg": 15000.0 + 20.0 * dt_s * np.arange(samples),
-    }
-
-
-def recording(seconds: float = 40.0, seed: int = 0, dt_s: float = PERIOD_S) -> Recording:
-    samples = round(seconds / dt_s)
-    return drive(seconds, seed, dt_s, columns=context(samples, dt_s, 10 * seed), source=f"drive{seed}.csv")
-
-
-def scene_of(*recordings: Recording, raw: tuple[Recording, ...] | None = None, horizon_s: float = WARM_UP_S) -> Scene:
-    return Scene(recordings, sorted({*recordings[0].columns, OUTPUT}), raw, horizon_s)
-
-
-def with_hole(one: Recording, name: str, start: int, stop: int) -> Recording:
-    values = np.array(one.columns[name])
-    values[start:stop] = np.nan
-    return Recording(one.time_s, {**one.columns, name: values}, one.dt_s, one.source)
 
 
 def predicted(explanation: Explanation, one: Recording) -> np.ndarray:
@@ -313,81 +282,6 @@ def test_recordings_are_never_joined():
         np.testing.assert_allclose(together[part], alone.simulate([explanation])[0], rtol=0.0, atol=1e-12)
 
 
-def changed(one: Recording, holed: Recording, explanation: Explanation) -> np.ndarray:
-    """The samples (N,) that lose their number by a hole; all others must keep it to the bit."""
-    (whole,), (poor,) = scene_of(one).simulate([explanation]), scene_of(holed).simulate([explanation])
-    lost = np.isfinite(whole) & np.isnan(poor)
-    kept = np.isfinite(poor)
-    np.testing.assert_allclose(poor[kept], whole[kept], rtol=0.0, atol=1e-9)
-    return lost
-
-
-def not_judged(scene: Scene, explanation: Explanation) -> np.ndarray:
-    """The samples behind the first segment's warm-up that have no error."""
-    (error,) = scene.errors([explanation])
-    np.testing.assert_array_equal(np.isfinite(error), scene.judged)
-    return np.flatnonzero(np.isnan(error[AHEAD:])) + AHEAD
-
-
-PLAIN = Explanation(CORE, (), (), 0.1)
-RINGING = Explanation(replace(CORE, resonance_share=0.8, resonance_hz=0.4, damping=0.03, lag_s=2.0), (), (), 0.1)
-HYSTERESIS = Explanation(CORE, (Hysteresis(60.0),), (), 0.1)
-SETTLES = round(SETTLES_S / PERIOD_S)
-
-
-@pytest.mark.parametrize("explanation", [PLAIN, RINGING, HYSTERESIS], ids=["plain", "ringing", "hysteresis"])
-def test_a_hole_costs_every_explanation_the_same_samples_however_long_it_remembers(explanation):
-    """Else who remembers for long would be judged by few samples, and seem to err little."""
-    one = recording(60.0)
-    assert not len(not_judged(scene_of(one), explanation))
-    in_speed = scene_of(with_hole(one, OUTPUT, 70, 73))
-    np.testing.assert_array_equal(not_judged(in_speed, explanation), np.arange(70, 73 + AHEAD))
-    in_current = scene_of(with_hole(one, INPUT, 110, 112))
-    np.testing.assert_array_equal(not_judged(in_current, explanation), np.arange(110, 112 + SETTLES + AHEAD))
-
-
-def test_no_prediction_reaches_over_a_hole():
-    """What moved the machine there, such as its brake, would stand in all that was predicted from before it."""
-    one = recording(60.0)
-    elsewhere = np.array(one.output)
-    elsewhere[:75] += 1.0
-    moved = replace(one, columns={**one.columns, OUTPUT: elsewhere})
-    holed = [with_hole(each, OUTPUT, 70, 75) for each in (one, moved)]
-    (before,), (after,) = (scene_of(each).simulate([PLAIN]) for each in holed)
-    np.testing.assert_array_equal(before[75:], after[75:])
-
-
-def test_after_a_hole_in_the_current_the_core_is_where_the_current_before_it_would_have_brought_it():
-    one = recording(60.0)
-    explanation = Explanation(CORE, (DeadZone(200.0),), (), 0.1)
-    holed = with_hole(one, INPUT, 110, 112)
-    whole, poor = (scene_of(each).felt(CORE, (DeadZone(200.0),)) for each in (one, holed))
-    assert np.isfinite(poor).all()
-    settled = slice(112 + SETTLES, None)
-    assert np.max(np.abs(poor[settled] - whole[settled])) < TAIL * np.ptp(one.input)
-    assert np.isfinite(scene_of(holed).simulate([explanation])[0]).sum() > 200
-
-
-def test_a_hole_in_the_current_of_a_finer_recording_costs_the_periods_that_hold_it():
-    fine = recording(40.0, dt_s=0.05)
-    holed = with_hole(fine, INPUT, 400, 420)
-    coarse = resample(holed, PERIOD_S)
-    hole = np.flatnonzero(np.isnan(coarse.input))
-    assert 2 < len(hole) < 7
-    scene = scene_of(coarse, raw=(holed,))
-    assert np.isfinite(scene.felt(replace(CORE, delay_s=0.0), ())).all()
-    np.testing.assert_array_equal(not_judged(scene, PLAIN), np.arange(hole[0], hole[-1] + 1 + SETTLES + AHEAD))
-
-
-@pytest.mark.parametrize("effect", [Hysteresis(60.0), RateLimit(400.0, 0.1), DeadZone(300.0)])
-def test_a_command_with_memory_lives_on_after_a_hole(effect):
-    one = recording(60.0)
-    held = np.array(one.input)
-    held[100:103] = held[99]
-    by_hand = scene_of(replace(one, columns={**one.columns, INPUT: held})).drive((effect,))[0]
-    np.testing.assert_array_equal(scene_of(with_hole(one, INPUT, 100, 103)).drive((effect,))[0], by_hand)
-
-
 @pytest.mark.parametrize("dt_s", [0.05, 0.07, 0.12, 0.15, 0.18])
 def test_a_mean_is_over_its_period_at_any_rate_of_the_recording(dt_s):
     fine = recording(40.0, dt_s=dt_s)
@@ -398,21 +292,6 @@ def test_a_mean_is_over_its_period_at_any_rate_of_the_recording(dt_s):
     exact = np.array([each_ms[end - 200 : end].mean() for end in ends[inside]])
     means, _ = scene_of(coarse, raw=(fine,)).drive(())
     np.testing.assert_allclose(means[inside], exact, rtol=0.0, atol=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("effect", "load", "signal"),
-    [(Grade(), 0.4, "pitch_deg"), (EngineSpeed(1.0), None, "engine_speed_rpm"), (GearRatio(), None, "gear")],
-)
-def test_a_hole_in_a_signal_costs_the_rest_of_its_segments(effect, load, signal):
-    one = recording(60.0)
-    explanation = Explanation(CORE, (effect,), () if load is None else (load,), 0.1)
-    lost = np.flatnonzero(changed(one, with_hole(one, signal, 110, 111), explanation))
-    np.testing.assert_array_equal(lost, np.arange(110, 135))  # of the segments that start at 60 and 90
-    nowhere = with_hole(one, signal, 0, len(one))
-    assert np.isnan(scene_of(nowhere).simulate([explanation])).all()
-    without = Explanation(CORE, (), (), 0.1)
-    assert not changed(one, nowhere, without).any()
 
 
 def test_too_short_a_recording_is_not_judged():

@@ -13,6 +13,7 @@ from cruise.model.core import Core, discretised
 from cruise.model.model import Model
 
 LONGEST_LAG_S: Final = 2.0  # s, of the actuator; slower belongs to the vehicle
+RINGS: Final = 0.5  # damping of a pair of poles, from which it overshoots by less than a sixth: a resonance has less
 START: Final = Core(0.0, 0.3, 0.15, 0.6, 0.05)  # a machine of this class; the gain comes from the recordings
 CORE: Final[Mapping[str, Parameter]] = {
     "gain_mps_per_ma": Parameter("m/s per mA", -1.0, 1.0, 0.0, "steady speed per mA of drive"),
@@ -21,7 +22,7 @@ CORE: Final[Mapping[str, Parameter]] = {
     "second_lag_s": Parameter("s", 0.005, LONGEST_LAG_S, 0.05, "second lag of the actuator"),
     "time_constant_s": Parameter("s", 0.03, 10.0, 0.6, "time constant of the vehicle"),
     "servo_hz": Parameter("Hz", 0.5, 4.0, 1.5, "frequency of the servo, where two lags are too few for it"),
-    "servo_damping": Parameter("-", 0.6, 0.99, 0.8, "its damping: with less it is a resonance"),
+    "servo_damping": Parameter("-", RINGS, 0.99, 0.8, "its damping: with less it is a resonance"),
     # Not zero, where gears would slow the drive by another equation: a fit walks through no such edge.
     "stroke_share": Parameter("-", 0.01, 0.9, 0.01, "share of how far the drive yields that rises with the stroke"),
 }

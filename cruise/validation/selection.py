@@ -104,10 +104,16 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
         refused = refused or cannot
         curves = unnamed(study.recordings, present.explanation)
         step = tried_beside(study, present, [*possible, *curves], chosen, rng, show)
+        renewed = search.plan(step.before.explanation).slots != search.plan(present.explanation).slots
         present = step.before
         steps.append(step)
         if step.unrecorded and not chosen:
             break
+        if renewed:  # what stood in for a better core, or for another shape of an effect, is superfluous now
+            needed, other = _needed(search, steps[0], chosen, present, chosen)
+            if needed != chosen:
+                chosen, present, steps = needed, other, steps if needed else []
+                continue
         named = [one for one in step.tried if not one.name.startswith(UNNAMED)]
         before = steps[-2].before if chosen else present
         worthy = [one for one in named if (_further(one, step, before, chosen) if chosen else _first(one, step))]
@@ -120,14 +126,15 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
         elif worthy:
             best = min((one for one in worthy if close(worthy[0], one)), key=lambda one: one.compared.loss)
             steps[-1] = replace(step, taken=best.name)
-            chosen, present = _needed(search, steps[0], [*chosen, best.name], best.judged)
+            chosen, present = _needed(search, steps[0], [*chosen, best.name], best.judged, chosen)
         else:
             break
         back = one_for_all(search, steps, chosen, present)
         if back is not None:
             steps = [*steps[: back.place], back.step]
             there = [one.taken for one in steps if one.taken in back.judged.explanation.names]
-            chosen, present = _needed(search, steps[0], list(dict.fromkeys(there)), back.judged)
+            there = list(dict.fromkeys(there))
+            chosen, present = _needed(search, steps[0], there, back.judged, there[:-1])
     if chosen and _is_little(steps[0], present):
         steps, chosen, present = [replace(steps[0], taken="")], [], steps[0].before
     if steps[0].unrecorded:
@@ -149,9 +156,11 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
     return Selected(tuple(steps), tuple(chosen), present, tuple(refused), beside=beside)
 
 
-def _needed(search: Search, first: Step, chosen: list[str], present: Judged) -> tuple[list[str], Judged]:
-    """What is still needed beside the effect that was added last, and the model with only that."""
-    for name in chosen[:-1]:
+def _needed(
+    search: Search, first: Step, chosen: list[str], present: Judged, doubted: Sequence[str]
+) -> tuple[list[str], Judged]:
+    """What of the doubted is still needed beside the others, and the model with only that."""
+    for name in doubted:
         other = search.judged("", search.fitted(without(present.explanation, name)))
         held = [one for one in chosen if one != name]
         if together(first, present, chosen) - together(first, other, held) < SUPERFLUOUS * ENOUGH:

@@ -17,7 +17,7 @@ import numpy as np
 from cruise.effects import EFFECTS
 from cruise.validation.background import STRUCTURAL, Background
 from cruise.validation.candidates import MEDIATORS, UNNAMED, Candidate, EffectCandidate, with_effect, without
-from cruise.validation.explanation import Explanation
+from cruise.validation.explanation import RINGS, Explanation
 from cruise.validation.fitting import Fit
 from cruise.validation.mediator import (
     SHOWN,
@@ -38,7 +38,6 @@ from cruise.validation.study import Study
 from cruise.validation.told import told_shapes
 from cruise.validation.tried import LEAST_GAIN, LOOSE, RESISTANCE, Step, Tried, counted, held_out
 
-RINGS: Final = 0.5  # damping of a pair of poles, from which it overshoots by less than a sixth
 OF_BOTH_SPEEDS: Final = frozenset({"wheel_slip", "sensor_bias"})  # read the difference of wheel and ground speed
 OF_THE_SLOPE: Final = 0.3  # of what a grade takes away, that a curve of the slope must take, too: one took 0.8 or more
 SURE_OF_SLIP: Final = 1.5  # standard errors: slip had 0.3 or more in 16 drives of 17, a bias -1.6 or less in 6 of 7

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from cruise.effects import EFFECTS
+from cruise.identification.structures import parse
 from cruise.signals import OUTPUT
 from cruise.validation import selection, tried
 from cruise.validation.candidates import UNNAMED
@@ -15,6 +16,7 @@ from cruise.validation.diagnose import Verdict, diagnose
 from cruise.validation.mediator import MEDIATED
 from cruise.validation.search import Judged
 from cruise.validation.selection import LEAST_COMMAND, least_share
+from cruise.validation.study import study
 from cruise.validation.tried import (
     ANYHOW,
     BEYOND_DOUBT,
@@ -34,6 +36,7 @@ from cruise.validation.tried import (
     whole,
 )
 from cruise.validation.unnamed import SPEED
+from tests.validation.driving import drive
 
 
 def test_a_curve_that_leaves_far_less_error_has_the_word_with_as_much_evidence(unlisted):
@@ -326,3 +329,16 @@ def test_what_acts_on_the_command_beside_hysteresis_must_be_more_than_its_form()
     assert least_share("dead_zone", ["hysteresis"]) == LEAST_COMMAND > least_share("dead_zone", ["grade"])
     assert least_share("grade", ["hysteresis"]) == least_share("grade", ["dead_zone"]) < LEAST_COMMAND
     assert least_share("unnamed:pump_current_ma", ["hysteresis"]) < LEAST_COMMAND
+
+
+def test_what_stood_in_for_a_better_core_is_dropped_once_that_is_there():
+    """A servo of second order is looked for again beside what was found: a rate limit of 9 A/s had its place."""
+    one = study([drive(400.0, 1, noise_mps=0.002, pair=(0.55, 0.7))], parse("arx:na=1,nb=3,delay_s=0.4"), None, 0.2)
+    there = one.base.explanation
+    assert there.core.servo_hz
+    lags = replace(there.core, servo_hz=0.0, lag_s=0.3, second_lag_s=0.2)
+    bare = one.search.judged("", one.search.fitted(replace(there, core=lags)))
+    said = diagnose(replace(one, base=bare))
+    assert (said.verdict, said.effects) == (Verdict.NOTHING, ())
+    assert said.base.explanation.core.servo_hz
+    assert said.base.loss < 1.05 * one.base.loss < 0.2 * bare.loss

@@ -17,7 +17,7 @@ from cruise.model.model import Model
 from cruise.signals import INPUT, OUTPUT, SIGNALS
 from cruise.validation.candidates import UNNAMED, owner
 from cruise.validation.explanation import Explanation
-from cruise.validation.search import Judged
+from cruise.validation.judged import Judged
 from cruise.validation.study import Study
 from cruise.validation.unnamed import SPEED, Unnamed, UnnamedDirection
 

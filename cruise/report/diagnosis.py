@@ -13,8 +13,8 @@ from cruise.validation.candidates import MEDIATORS, UNNAMED
 from cruise.validation.confidence import FEWEST, in_moments
 from cruise.validation.dead_time import DeadTime
 from cruise.validation.diagnose import SEED, Diagnosis, Verdict
+from cruise.validation.judged import Judged, sureness
 from cruise.validation.numbers import numbers
-from cruise.validation.search import Judged, sureness
 from cruise.validation.tried import LEAST_GAIN, LOOSE, Tried, step_of, tried_in
 from cruise.validation.unnamed import RestCurrent
 

@@ -21,8 +21,8 @@ from cruise.report.diagnosis import figure, sentence
 from cruise.report.evidence import Rung
 from cruise.validation.candidates import UNNAMED
 from cruise.validation.diagnose import Diagnosis, Verdict
+from cruise.validation.judged import Judged
 from cruise.validation.noise_floor import NoiseFloor
-from cruise.validation.search import Judged
 
 DPI: Final = 110  # 13 inches are 1430 pixels
 STRETCH_S: Final = 60.0

@@ -12,9 +12,9 @@ from cruise.recording import Recording
 from cruise.validation.candidates import UNNAMED, owner
 from cruise.validation.diagnose import Diagnosis, Verdict
 from cruise.validation.explanation import Explanation
+from cruise.validation.judged import Judged
 from cruise.validation.noise_floor import NoiseFloor, noise_floor
 from cruise.validation.numbers import PLAUSIBLE, Number
-from cruise.validation.search import Judged
 from cruise.validation.tried import Tried, tried_in
 from cruise.validation.unnamed import SPEED, RestCurrent
 

@@ -9,7 +9,7 @@ import numpy as np
 from cruise.effects import EFFECTS
 from cruise.validation.candidates import MEDIATORS, UNNAMED
 from cruise.validation.foretold import CHANCE, Foretold
-from cruise.validation.search import Judged
+from cruise.validation.judged import Judged
 from cruise.validation.selection import FURTHER, LEAST_FURTHER, LEAST_IN_ALL, Selected, least_share
 from cruise.validation.tried import (
     ALL_OF_IT,

@@ -17,8 +17,8 @@ import numpy as np
 from cruise.validation.candidates import UNNAMED, Refused
 from cruise.validation.confidence import MOST_THERE, answer_of, confidence_of, in_moments
 from cruise.validation.exchange import exchanged
+from cruise.validation.judged import Judged
 from cruise.validation.left_over import DELAY, LeftOver, left_over
-from cruise.validation.search import Judged
 from cruise.validation.selection import selected
 from cruise.validation.study import Study
 from cruise.validation.tried import ALIKE, Step

@@ -7,7 +7,7 @@ import numpy as np
 
 from cruise.effects import EFFECTS
 from cruise.validation.candidates import MEDIATORS, UNNAMED, candidates, without
-from cruise.validation.search import sureness
+from cruise.validation.judged import sureness
 from cruise.validation.selection import Selected
 from cruise.validation.study import Study
 from cruise.validation.tried import (

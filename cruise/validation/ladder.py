@@ -22,9 +22,10 @@ from cruise.model.model import Model
 from cruise.recording import Recording
 from cruise.validation.candidates import Candidate, with_effect, without
 from cruise.validation.explanation import Explanation
+from cruise.validation.judged import Judged
 from cruise.validation.noise_floor import NoiseFloor, noise_floor
 from cruise.validation.numbers import numbers
-from cruise.validation.search import FOLDS, Judged, Search
+from cruise.validation.search import FOLDS, Search
 from cruise.validation.simulation import WARM_UP_S
 from cruise.validation.study import Show, Study, candidate, discrete, study
 from cruise.validation.terms import check_term, defined, term_candidate

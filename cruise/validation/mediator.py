@@ -23,7 +23,8 @@ from cruise.effects import EFFECTS, Stage
 from cruise.signals import INPUT
 from cruise.validation.candidates import MEDIATORS, UNNAMED, EffectCandidate, candidates, without
 from cruise.validation.foretold import share_told
-from cruise.validation.search import Judged, Search
+from cruise.validation.judged import Judged
+from cruise.validation.search import Search
 from cruise.validation.slope import PITCH
 from cruise.validation.study import Study
 from cruise.validation.tried import LEAST_GAIN, LOOSE, RESISTANCE, SURE, Step, Tried, counted, enough

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from cruise.validation.explanation import CORE, RESONANCE
-from cruise.validation.search import Judged
+from cruise.validation.judged import Judged
 from cruise.validation.study import Study
 
 AT_BOUND: Final = 1e-3  # of the range between the bounds: a solver that stays inside comes no closer

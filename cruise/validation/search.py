@@ -1,15 +1,12 @@
 """Fits explanations and judges them: every candidate jointly with the core, on blocks of time that it has not seen.
 
-    gain of a candidate  G = 1 - sqrt((L_c / L) (W_c / W))
-
-L mean squared held-out error at least 3 s ahead, W that of what an autoregression leaves of it (`disturbance.py`), with
-the candidate (c) and without. Which candidates are tried beside what, added, dropped again and exchanged stands in
+What a candidate gains stands in `judged.py`; which are tried beside what, added, dropped again and exchanged in
 `selection.py` and `exchange.py`.
 """
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -20,6 +17,7 @@ from cruise.validation.candidates import Candidate, EffectCandidate, ways_of, wi
 from cruise.validation.disturbance import Disturbance, disturbance_of
 from cruise.validation.explanation import CORE, START, Explanation
 from cruise.validation.fitting import Fit, Layout, Objective, bounded, fit, layout
+from cruise.validation.judged import Judged, few, gain, sureness
 from cruise.validation.simulation import RAN_AWAY_MPS, Scene, paced
 from cruise.validation.slip import slip_mps, sure_of_slip
 from cruise.validation.starts import NEARLY, Promise, Starts, apart
@@ -27,8 +25,6 @@ from cruise.validation.told import kinds_of
 from cruise.validation.unnamed import RestCurrent
 
 FOLDS: Final = 5
-FEW_BLOCKS: Final = 3  # of which a spread says nothing,
-USUAL_BLOCKS: Final = 8  # and from which on what is sure was found to be so as often as it should
 BLOCK_S: Final = 20.0  # s: longer than any disturbance that the autoregression leaves behind
 DAMPING: Final = 1e-3  # of the diagonal, in the step to a fold's parameters: directions that nothing excites stay
 PARTS: Final = (1.0, 0.3)  # of that step, or none: the errors are not quite linear in the parameters
@@ -38,7 +34,6 @@ ONE_STEP: Final = 2  # likewise: where it stands and one step on
 ORDINARY_STEPS: Final = 40
 SETTLED_STEPS: Final = 300
 SETTLED: Final = 1e-7  # relative change at which a fit has settled: along a valley of several shapes steps are short
-BOOTSTRAPS: Final = 400
 STILL: Final = 1e-10  # of the greatest curvature, every number in units of what it moves: so little tells nothing
 PART: Final = 0.01  # of a number in a direction that is not told, from which on it is not told either
 PUMP_HZ: Final = 1.0  # Hz, below which a servo is no pump's, but the loop around a whole drive: well damped
@@ -57,32 +52,6 @@ SLIPS: Final = 0.5  # of what it takes, that slip may be at most: a share of the
 AT_BOUND: Final = 0.02  # of a bound, by which a number that wants beyond it is away from it
 
 Show = Callable[[str], None]
-
-
-@dataclass(frozen=True, eq=False)
-class Judged:
-    """A fit with its held-out errors: mean squares in every block of time (B,), raw and whitened."""
-
-    candidate: str
-    fit: Fit
-    folds: tuple[np.ndarray, ...]  # the parameters that each fold's training part wants
-    error_mps: np.ndarray  # (N,), held out, NaN where nothing is judged
-    raw: np.ndarray
-    white: np.ndarray
-    weight: np.ndarray  # (B,) judged samples of each block
-
-    @property
-    def explanation(self) -> Explanation:
-        return self.fit.explanation
-
-    @property
-    def loss(self) -> float:
-        """Mean squared held-out error in m2/s2."""
-        return float(np.average(self.raw, weights=self.weight))
-
-    @property
-    def white_loss(self) -> float:
-        return float(np.average(self.white, weights=self.weight))
 
 
 class Search:
@@ -364,35 +333,6 @@ def _with(explanation: Explanation, effect: Effect) -> Explanation:
     """The same with another shape of one of its effects."""
     effects = tuple(effect if one.name == effect.name else one for one in explanation.effects)
     return replace(explanation, effects=effects)
-
-
-def gain(without: Judged, with_it: Judged) -> float:
-    """G, from the raw and the whitened error in equal parts: slow evidence counts, but not as if it were much."""
-    raw = with_it.loss / without.loss
-    white = with_it.white_loss / without.white_loss
-    return 1.0 - float(np.sqrt(raw * white))
-
-
-def sureness(without: Judged, with_it: Judged, rng: np.random.Generator) -> float:
-    """How many standard errors the log ratio of the losses lies below zero: bootstrap over the blocks of time."""
-    both = (without.weight > 0) & (with_it.weight > 0)
-    if not both.any():
-        return 0.0
-    weight = without.weight[both]
-    picks = rng.integers(0, len(weight), (BOOTSTRAPS, len(weight)))
-    ratios = []
-    for one, other in ((without.raw, with_it.raw), (without.white, with_it.white)):
-        first = (one[both] * weight)[picks].sum(axis=1)
-        second = (other[both] * weight)[picks].sum(axis=1)
-        ratios.append(np.log(second / first))
-    mean = 0.5 * (ratios[0] + ratios[1])
-    spread = float(mean.std()) * max(few(len(weight)) / few(USUAL_BLOCKS), 1.0)
-    return float(-mean.mean() / spread) if spread > 0 else 0.0
-
-
-def few(blocks: int) -> float:
-    """By how much a standard error over so few blocks has to be larger: as Student's t is spread, at worst infinite."""
-    return math.sqrt((blocks - 1) / (blocks - FEW_BLOCKS)) if blocks > FEW_BLOCKS else math.inf
 
 
 def _blocks(scene: Scene) -> np.ndarray:

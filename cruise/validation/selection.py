@@ -10,8 +10,9 @@ from cruise.effects import EFFECTS, Stage
 from cruise.signals import INPUT, OUTPUT
 from cruise.validation.background import DYNAMICS, STRUCTURAL
 from cruise.validation.candidates import MEDIATORS, UNNAMED, Refused, candidates, unnamed, without
+from cruise.validation.judged import Judged, gain, sureness
 from cruise.validation.mediator import MEDIATED, one_for_all, unknown
-from cruise.validation.search import Judged, Search, gain, sureness
+from cruise.validation.search import Search
 from cruise.validation.study import Study
 from cruise.validation.tried import (
     ALL_OF_IT,

@@ -22,8 +22,9 @@ from cruise.validation.background import STRUCTURAL
 from cruise.validation.candidates import Candidate, EffectCandidate, absent, candidate_of, why_not
 from cruise.validation.complete import complete
 from cruise.validation.explanation import PUSHED_S, START, Explanation
+from cruise.validation.judged import Judged
 from cruise.validation.line_pressure import force_of_a_bar
-from cruise.validation.search import AT_BOUND, Judged, Search
+from cruise.validation.search import AT_BOUND, Search
 from cruise.validation.simulation import JUDGED_S, WARM_UP_S, Scene, paced
 from cruise.validation.told import BY_SLOPE, kinds_of
 

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from cruise.validation.background import Background
-from cruise.validation.search import Judged, gain
+from cruise.validation.judged import Judged, gain
 
 ENOUGH: Final = 60.0  # evidence from which an effect is more than a little of everything
 NEARLY: Final = 6.0 / 7.0  # of it, or of another limit: so near to one, nothing is missing in one case of five

@@ -19,6 +19,7 @@ from cruise.validation.background import STRUCTURAL, Background
 from cruise.validation.candidates import MEDIATORS, UNNAMED, Candidate, EffectCandidate, with_effect, without
 from cruise.validation.explanation import RINGS, Explanation
 from cruise.validation.fitting import Fit
+from cruise.validation.judged import Judged, gain, sureness
 from cruise.validation.mediator import (
     SHOWN,
     SILENT,
@@ -31,7 +32,7 @@ from cruise.validation.mediator import (
     refuted,
     weighed,
 )
-from cruise.validation.search import AT_BOUND, Judged, Search, gain, sureness
+from cruise.validation.search import AT_BOUND, Search
 from cruise.validation.side_by_side import side_by_side
 from cruise.validation.slope import PITCH
 from cruise.validation.study import Study

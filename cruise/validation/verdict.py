@@ -14,8 +14,8 @@ from cruise.effects import EFFECTS
 from cruise.validation.candidates import UNNAMED
 from cruise.validation.confidence import margin_of_the_end
 from cruise.validation.exchange import Place
+from cruise.validation.judged import Judged
 from cruise.validation.left_over import DELAY, LeftOver
-from cruise.validation.search import Judged
 from cruise.validation.selection import Selected
 from cruise.validation.tried import ENOUGH, NEARLY
 from cruise.validation.unnamed import SPEED

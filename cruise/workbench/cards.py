@@ -12,8 +12,8 @@ from cruise.report.diagnosis import figure
 from cruise.report.effect import physics, what
 from cruise.validation.candidates import UNNAMED
 from cruise.validation.diagnose import Diagnosis, Verdict
+from cruise.validation.judged import Judged
 from cruise.validation.numbers import numbers
-from cruise.validation.search import Judged
 from cruise.validation.tried import Tried, step_of, tried_in
 from cruise.workbench.found import Card, Curve, Minute, Number, Signature
 

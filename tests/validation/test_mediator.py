@@ -9,6 +9,7 @@ from cruise.identification.structures import parse
 from cruise.signals import INPUT, OUTPUT
 from cruise.validation import mediator
 from cruise.validation.candidates import UNNAMED, candidate_of
+from cruise.validation.judged import Judged
 from cruise.validation.mediator import (
     ALONE,
     BY_COMMAND,
@@ -26,7 +27,6 @@ from cruise.validation.mediator import (
     needed,
     refuted,
 )
-from cruise.validation.search import Judged
 from cruise.validation.study import Study, study
 from cruise.validation.tried import Tried
 from cruise.validation.unnamed import SPEED

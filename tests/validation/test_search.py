@@ -16,7 +16,8 @@ from cruise.validation.candidates import EffectCandidate, UnnamedCandidate, with
 from cruise.validation.disturbance import Disturbance
 from cruise.validation.explanation import Explanation
 from cruise.validation.fitting import Fit, Objective, fit
-from cruise.validation.search import BLOCK_S, FOLDS, SETTLED, Judged, Search, gain, sureness
+from cruise.validation.judged import Judged, gain, sureness
+from cruise.validation.search import BLOCK_S, FOLDS, SETTLED, Search
 from cruise.validation.simulation import Scene
 from cruise.validation.told import kinds_of
 from tests.validation.driving import GAIN, OFFSET_MPS, drive, wander

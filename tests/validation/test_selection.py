@@ -13,8 +13,8 @@ from cruise.validation import selection, tried
 from cruise.validation.candidates import UNNAMED
 from cruise.validation.confidence import answer_of, confidence_of, margin_of_the_end
 from cruise.validation.diagnose import Verdict, diagnose
+from cruise.validation.judged import Judged
 from cruise.validation.mediator import MEDIATED
-from cruise.validation.search import Judged
 from cruise.validation.selection import LEAST_COMMAND, least_share
 from cruise.validation.study import study
 from cruise.validation.tried import (

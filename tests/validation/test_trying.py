@@ -13,8 +13,9 @@ from cruise.identification.structures import parse
 from cruise.validation import trying
 from cruise.validation.candidates import UNNAMED, candidates, unnamed, with_effect
 from cruise.validation.fitting import Fit
+from cruise.validation.judged import Judged
 from cruise.validation.mediator import Through
-from cruise.validation.search import Judged, Search
+from cruise.validation.search import Search
 from cruise.validation.study import Study, study
 from cruise.validation.tried import Step
 from cruise.validation.trying import (

@@ -19,7 +19,8 @@ from cruise.plant import Combine, Inputs, PlantSettings, SensorReading
 from cruise.recording import Recording
 from cruise.sampling import SamplingSettings, StreamSampler
 from cruise.signals import CONTEXT, INPUT, OUTPUT
-from cruise.validation.search import Judged, Search
+from cruise.validation.judged import Judged
+from cruise.validation.search import Search
 from cruise.validation.slope import PITCH, slope_deg
 from cruise.validation.study import Study, discrete, study
 

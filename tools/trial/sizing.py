@@ -20,7 +20,7 @@ from cruise.identification.structures import parse
 from cruise.recording import Recording
 from cruise.validation import study as studies
 from cruise.validation.candidates import candidates
-from cruise.validation.search import Judged
+from cruise.validation.judged import Judged
 from cruise.validation.study import Study
 
 from .draw import draw

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -20,6 +21,7 @@ from cruise.validation.tried import (
     Tried,
     asked,
     asked_alone,
+    enough,
     share_of_all,
     soil_short,
     step_of,
@@ -132,17 +134,20 @@ def _over(one: Tried, step: Step) -> float:
 def _short(found: Selected) -> list[float]:
     """By how much all that was tried last was short of being one effect more, in evidence or what is worth as much."""
     last = found.steps[-1]
-    enough, least = (FURTHER, LEAST_FURTHER) if found.chosen else (ENOUGH, LEAST_IN_ALL)
+    evidence, least = (FURTHER, LEAST_FURTHER) if found.chosen else (ENOUGH, LEAST_IN_ALL)
     rest = [one for one in last.tried if one.name not in found.chosen and not one.name.startswith(UNNAMED)]
     asks = [FURTHER if found.chosen else asked_alone(one) for one in rest]
     short = [
         max(1.0 - one.counted / least_evidence, 1.0 - max(one.gain, 0.0) / least)
         for one, least_evidence in zip(rest, asks, strict=True)
     ]
+    if not found.chosen and last.mediated < 0.0:  # it is all but named
+        nearly = (one for one in last.tried if one.name in MEDIATORS and enough(replace(one, credit=1.0)))
+        short += [-last.mediated for _ in nearly]
     if found.chosen and not last.taken:
         loss = found.steps[-2].before.loss
         shares = [(last.before.loss - one.judged.loss) / loss / least_share(one.name, found.chosen) for one in rest]
         short = [
             max(so_far, 1.0 - share, soil_short(one)) for so_far, share, one in zip(short, shares, rest, strict=True)
         ]
-    return [enough * one for one in short]
+    return [evidence * one for one in short]

@@ -66,7 +66,7 @@ class Through(Enum):
 def behind(
     study: Study, present: Judged, mediator: Judged, direct: Judged, chosen: Sequence[str]
 ) -> tuple[Through, float]:
-    """What stands behind the mediator, and, where that is no other cause, how far from its limits it is (0..1).
+    """What stands behind the mediator, and how far from its limits it is: 0..1, below 0 where it is nearly the cause.
 
     `direct` is the best of the other causes, `chosen` are those that were found so far.
     """
@@ -77,10 +77,10 @@ def behind(
         many = max(
             _more_than_many(study.search, present, mediator, direct), _by_a_power(study.search, mediator, direct)
         )
-        return (Through.ITSELF, many) if many > 0.0 else (through, 0.0)
+        return (Through.ITSELF, many) if many > 0.0 else (through, one.short)
     if through is Through.ITSELF and one.commanded:
         return Through.COMMANDED, 0.0
-    return through, 0.0 if through is Through.RECORDED else one.margin
+    return through, one.short if through is Through.RECORDED else one.margin
 
 
 def _more_than_many(search: Search, present: Judged, mediator: Judged, direct: Judged) -> float:
@@ -153,6 +153,12 @@ class _Against:
         """How far it is from leaving too much, for which less is asked where no other cause explains much."""
         lonely = LONELY if self.left <= UNSEEN else LONELIER
         return max(1.0 - self.left / MEDIATED, 1.0 - self.instead / lonely if self.first else 0.0)
+
+    @property
+    def short(self) -> float:
+        """The margin where it is below zero, if all that is in its way is that others explain a little too much."""
+        noisy = self.first and MEDIATED < self.left <= NOISY and self.told(self.present.fit.error_mps) >= TOLD
+        return min(self.margin, 0.0) if noisy else 0.0
 
     @property
     def commanded(self) -> bool:
@@ -255,7 +261,7 @@ class Said:
 
     name: str  # of the mediator
     through: Through
-    margin: float  # how far from its limits it is (0..1), where no other cause stands behind it
+    margin: float  # how far from its limits it is: 0..1, below 0 where it is nearly the cause
     forces: Judged | None  # the explanation with every force known, where something else is needed beside that,
     beside: Mapping[str, Tried]  # and everything as tried there
     refuted: tuple[str, ...]  # those that are no force, where nothing else is needed

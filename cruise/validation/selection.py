@@ -141,17 +141,20 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
     if steps[0].unrecorded:
         shows = next(one for one in steps[0].tried if one.name == steps[0].unrecorded)
         return Selected(tuple(steps), (), shows.judged, tuple(refused))
+    last = steps[-1] if chosen and steps[-1].before is present else None
     curve, margin = _curve(steps[0], together(steps[0], present, chosen) if chosen else 0.0, present.loss)
+    if curve is not None and last is not None and _is_more_than_the_curve(curve, chosen, last):
+        curve = None
     beside = ""
-    if curve is None and chosen and steps[-1].before is present:
-        more = _left_over(chosen, steps[-1], steps[-2].before)
+    if curve is None and last is not None:
+        more = _left_over(chosen, last, steps[-2].before)
         alone = tried_in(steps[0], more.name) if more is not None else None
         if more is not None and alone is not None and alone.judged.loss < LOOSE * more.judged.loss:
             curve, margin = alone, more.counted - asked(more.gain)
         elif more is not None:
             beside = more.name.removeprefix(UNNAMED)
         else:
-            beside = _witness_of_the_rest(steps[-1])
+            beside = _witness_of_the_rest(last)
     if curve is not None:
         return Selected(tuple(steps), (curve.name,), curve.judged, tuple(refused), margin)
     return Selected(tuple(steps), tuple(chosen), present, tuple(refused), beside=beside)
@@ -283,6 +286,18 @@ def _curve(first: Step, chosen: float, left: float) -> tuple[Tried | None, float
     same = [one for one in named if _of_the_same(one.name, mine) and enough(one)]
     taken = [(first.before.loss - one.judged.loss) / (first.before.loss - best.judged.loss) for one in same]
     return (None, 0.0) if max(taken, default=0.0) >= SAME_SIGNAL else (best, margin)
+
+
+def _is_more_than_the_curve(curve: Tried, chosen: Sequence[str], last: Step) -> bool:
+    """Whether a curve of a signal through which the effects act errs less only by a little of something else.
+
+    What that is, such as dry friction in a curve of the current that knows the direction, need not be enough to be
+    named beside them.
+    """
+    known = {signal for name in chosen for signal in _acts_through(name)}
+    named = [one for one in last.tried if not one.name.startswith(UNNAMED) and one.credit > 0.0]
+    least = min((one.judged.loss for one in named), default=last.before.loss)
+    return curve.name.removeprefix(UNNAMED) in known and least < LOOSE * curve.judged.loss
 
 
 def _witnessed(named: Sequence[Tried], curve: Tried) -> bool:

@@ -58,7 +58,7 @@ class Step:
     unrecorded: str  # the effect in whose signal a force shows that nobody recorded, if there is one
     forces: Judged | None  # what was there with every force known, where the candidates are weighed beside that
     refuted: tuple[str, ...]  # those that are no force, where nothing but a force is missing
-    mediated: float  # how far from its limits an effect is through whose signal every force acts (0..1)
+    mediated: float  # how far from its limits an effect is through whose signal every force acts: 0..1, or below 0
     taken: str = ""  # the effect that was added then
 
 

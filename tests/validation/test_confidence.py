@@ -54,6 +54,19 @@ def test_nothing_is_the_surer_the_further_from_what_is_asked_of_the_first_effect
     assert margin("coulomb_friction", 0.5 * RESISTS * asked(0.4)) == pytest.approx(0.5 * ENOUGH), "soil is no friction"
 
 
+def test_nothing_is_hardly_sure_where_what_every_force_acts_through_is_all_but_named(nothing):
+    (step,) = nothing.steps
+    rest = next(one for one in step.tried if not one.name.startswith(UNNAMED))
+
+    def margin(mediated: float, evidence: float = 200.0) -> float:
+        leakage = replace(rest, name="leakage", evidence=evidence, gain=0.4, credit=0.0, sureness=2.0)
+        nearly = replace(step, tried=(leakage,), mediated=mediated)
+        return margin_of_the_end(selection.Selected((nearly,), (), nothing.base, ()))
+
+    assert margin(-0.1) == pytest.approx(0.1 * ENOUGH)
+    assert margin(0.0) == margin(-0.1, 0.5 * ENOUGH) == ENOUGH
+
+
 def test_an_effect_that_leaves_more_of_what_could_be_explained_than_it_takes_is_not_what_is_missing(grade):
     last = grade.steps[-1]
 

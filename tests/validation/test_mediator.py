@@ -114,6 +114,16 @@ def test_what_it_takes_away_tells_what_stands_behind_it(begun, left, instead, to
     assert (margin > 0.0) is (through not in (Through.RECORDED, Through.COMMANDED))
 
 
+def test_it_is_nearly_the_cause_where_only_others_explain_a_little_too_much(begun, monkeypatch):
+    def short(left: float, instead: float, told: float, **how) -> float:
+        return -said(begun, left, instead, told, monkeypatch, **how)[1]
+
+    assert short(0.5, 1.1 * LONELIER, 0.9) == pytest.approx(0.1)
+    assert short(1.1 * MEDIATED, 1.5 * LONELY, 0.9) == pytest.approx(0.1)
+    assert short(0.5, 1.1 * LONELIER, TOLD - 0.05) == short(NOISY + 0.05, 1.1 * LONELIER, 0.9) == 0.0
+    assert short(0.5, 1.1 * LONELIER, 0.9, chosen=("dead_zone",)) == 0.0
+
+
 def test_the_power_of_the_pressure_is_known_as_well_as_the_data_say():
     bar = np.maximum(150.0 + wander(1200, 0.1, 1, 60.0, 30.0), 30.0)
     one = drive(120.0, 4, 0.1, 0.02, columns={"line_pressure_bar": bar})

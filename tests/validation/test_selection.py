@@ -8,7 +8,7 @@ import pytest
 
 from cruise.effects import EFFECTS
 from cruise.identification.structures import parse
-from cruise.signals import OUTPUT
+from cruise.signals import INPUT, OUTPUT
 from cruise.validation import selection, tried
 from cruise.validation.candidates import UNNAMED
 from cruise.validation.confidence import answer_of, confidence_of, margin_of_the_end
@@ -22,6 +22,7 @@ from cruise.validation.tried import (
     BEYOND_DOUBT,
     FEW,
     LEAST_GAIN,
+    LOOSE,
     MUCH,
     RARE,
     RESISTANCE,
@@ -106,6 +107,22 @@ def test_a_curve_that_explains_less_needs_evidence_that_no_soil_has(unlisted):
     for less in ({"gain": 0.99 * least}, {"evidence": 0.99 * evidence}, {"sureness": 0.99 * sure}):
         assert word(**less) is None
     assert word(gain=1.01 * selection.LEAST_CURVED, evidence=0.99 * evidence, sureness=0.99 * sure) is not None
+
+
+def test_a_curve_that_errs_less_only_by_a_little_of_something_else_has_no_word(dead_zone):
+    """A curve of the current knows the direction, too, and so the dry friction that every drive has a little of."""
+    last = dead_zone.steps[-1]
+    rest = next(one for one in last.tried if not one.name.startswith(UNNAMED))
+
+    def more(signal: str, left: float, credit: float = 1.0) -> bool:
+        curve = replace(rest, name=f"{UNNAMED}{signal}")
+        friction = replace(rest, credit=credit, judged=replace(rest.judged, raw=left * rest.judged.raw))
+        return selection._is_more_than_the_curve(curve, ("dead_zone",), replace(last, tried=(friction,)))
+
+    assert more(INPUT, LOOSE - 0.01)
+    assert not more(INPUT, LOOSE + 0.01)
+    assert more(INPUT, 0.9, credit=0.0) is (last.before.loss < LOOSE * rest.judged.loss), "by the effects alone"
+    assert not more("header_height_mm", LOOSE - 0.01), "no effect that was found acts through that"
 
 
 def test_a_curve_beside_what_was_found_must_take_as_much_as_a_further_effect(dead_zone):

@@ -1,0 +1,47 @@
+"""Which effects can't be told apart: a law of one signal where any law of another leaves clearly less is none."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cruise.signals import INPUT
+from cruise.validation.candidates import UNNAMED
+from cruise.validation.exchange import _law_of, _refuted
+from cruise.validation.tried import LOOSE, Tried
+from cruise.validation.unnamed import SPEED
+
+
+@pytest.mark.parametrize(
+    ("name", "signal"),
+    [
+        ("quadratic_gain", INPUT),
+        ("saturation", INPUT),
+        ("speed_droop", SPEED),
+        ("coulomb_friction", SPEED),
+        ("rate_limit", ""),
+        ("hysteresis", ""),
+        ("grade", ""),
+        ("resonance", ""),
+    ],
+)
+def test_a_law_of_one_signal_is_static_and_reads_nothing_else(name, signal):
+    assert _law_of(name) == signal
+
+
+def test_a_law_of_the_current_is_refuted_where_any_law_of_the_speed_leaves_clearly_less(grade):
+    one = next(one for one in grade.steps[0].tried if one.name == "quadratic_gain")
+    rng = np.random.default_rng(1)
+
+    def left(name: str, share: float) -> Tried:
+        judged = replace(one.judged, raw=share * one.judged.raw, white=share * one.judged.white)
+        return replace(one, name=name, judged=judged)
+
+    def refuted(of_current: float, of_speed: float, quadratic: float = 9.0) -> bool:
+        tried = [left(f"{UNNAMED}{INPUT}", of_current), left(f"{UNNAMED}{SPEED}", of_speed)]
+        return _refuted([*tried, left("quadratic_gain", quadratic)], INPUT, SPEED, rng)
+
+    assert refuted(1.01 * LOOSE, 1.0)
+    assert not refuted(0.99 * LOOSE, 1.0)
+    assert not refuted(2.0 * LOOSE, 1.0, quadratic=0.99 * LOOSE), "the curve is no limit where the effect leaves less"
+    assert not _refuted([left(f"{UNNAMED}{INPUT}", 9.0)], INPUT, SPEED, rng), "without a speed there is no law of it"

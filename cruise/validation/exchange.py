@@ -1,20 +1,19 @@
 """Each chosen effect is exchanged for every other one: those that do as well can't be told apart on the recordings."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
-from cruise.effects import EFFECTS, Stage
-from cruise.signals import INPUT
-from cruise.validation.background import DYNAMICS
+from cruise.effects import EFFECTS
 from cruise.validation.candidates import MEDIATORS, UNNAMED, candidates, without
 from cruise.validation.judged import sureness
+from cruise.validation.laws import refuted
 from cruise.validation.selection import Selected
 from cruise.validation.study import Study
 from cruise.validation.tried import (
     ALIKE,
+    APART,
     ENOUGH,
     LEAST_GAIN,
     LOOSE,
@@ -25,11 +24,9 @@ from cruise.validation.tried import (
     step_of,
 )
 from cruise.validation.trying import Show, tried_beside
-from cruise.validation.unnamed import SPEED
 
 TWIN: Final = 1.05  # of the loss: a look-alike that errs no more can't be told apart,
 LIKELY: Final = 0.6  # if there is so much of the evidence for it
-APART: Final = 4.0  # standard errors by which errors are apart, whatever the evidence
 RIVALS: Final = 6  # alternatives for which an effect is exchanged once all are together
 
 
@@ -58,13 +55,10 @@ def exchanged(study: Study, name: str, found: Selected, rng: np.random.Generator
         tried = tried_beside(study, before, rivals, [one for one in found.chosen if one != name], rng, show).tried
     chosen = next(one for one in tried if one.name == name)
     mine = replace(chosen, credit=1.0) if name in MEDIATORS else chosen  # what stands behind it has been weighed
-    law = _law_of(name)
     others = [
         one
         for one in tried
-        if one is not chosen
-        and not one.name.startswith(UNNAMED)
-        and not (law and _refuted(tried, _law_of(one.name), law, rng))
+        if one is not chosen and not one.name.startswith(UNNAMED) and not refuted(one.name, name, tried)
     ]
     alike = tuple(
         one.name
@@ -80,27 +74,6 @@ def exchanged(study: Study, name: str, found: Selected, rng: np.random.Generator
     if twin is not None:  # physics says more than a little evidence
         alike = (twin.name,)
     return Place(name, min((ahead(mine, one) for one in rivals), default=ENOUGH), alike)
-
-
-def _refuted(tried: Sequence[Tried], law: str, other: str, rng: np.random.Generator) -> bool:
-    """Whether what is a law of one signal alone can't be it: any law of the other signal leaves clearly less.
-
-    A free curve says what the best law of a signal leaves, whatever its form.
-    """
-    free, better = (next((one for one in tried if one.name == f"{UNNAMED}{signal}"), None) for signal in (law, other))
-    if free is None or better is None or law == other:
-        return False
-    best = min((one for one in tried if one is free or _law_of(one.name) == law), key=lambda one: one.judged.loss)
-    return best.judged.loss > LOOSE * better.judged.loss and sureness(best.judged, better.judged, rng) >= APART
-
-
-def _law_of(name: str) -> str:
-    """The current, or the model's speed, where that alone says at any moment how an effect acts; else nothing."""
-    if name.startswith(UNNAMED) or EFFECTS[name].needs or name in DYNAMICS:
-        return ""
-    if EFFECTS[name].stage is Stage.COMMAND:
-        return INPUT
-    return SPEED if EFFECTS[name].reads_speed else ""
 
 
 def _twins(mine: Tried, other: Tried) -> bool:

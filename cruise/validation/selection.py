@@ -11,6 +11,7 @@ from cruise.signals import INPUT, OUTPUT
 from cruise.validation.background import DYNAMICS, STRUCTURAL
 from cruise.validation.candidates import MEDIATORS, UNNAMED, Refused, candidates, unnamed, without
 from cruise.validation.judged import Judged, gain, sureness
+from cruise.validation.laws import refuted
 from cruise.validation.mediator import MEDIATED, one_for_all, unknown
 from cruise.validation.search import Search
 from cruise.validation.study import Study
@@ -187,6 +188,8 @@ def _further(one: Tried, step: Step, before: Judged, chosen: Sequence[str]) -> b
     rest = one.sureness >= BEYOND_DOUBT and share_of_all(one, step) >= ALL_OF_IT
     hidden = rest and one.gain >= MOST and one.name not in DYNAMICS  # a far larger one hid it
     if soil_short(one) > 0.0 or (share < least_share(one.name, chosen) and not hidden):
+        return False
+    if any(refuted(one.name, name, step.tried) for name in chosen):  # what is left is the form of that
         return False
     return _takes_most(one) or _takes_plainly(one, share, rest) or _takes_with_evidence(one, step)
 

@@ -27,7 +27,8 @@ ALL_OF_IT: Final = 0.9  # of what all effects together explain: what takes more 
 WHOLE: Final = (0.25, 2.5)  # where it is that share of the loss and so many standard errors
 ALIKE: Final = 20.0  # evidence below which no form of a model is exact enough to decide,
 CLOSE: Final = 0.05  # likewise, of the evidence,
-LOOSE: Final = 1.2  # unless the loss decides
+LOOSE: Final = 1.2  # unless the loss decides,
+APART: Final = 4.0  # or so many standard errors, by which errors are apart whatever the evidence
 
 
 @dataclass(frozen=True, eq=False)

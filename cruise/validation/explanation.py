@@ -21,7 +21,7 @@ CORE: Final[Mapping[str, Parameter]] = {
     "lag_s": Parameter("s", 0.02, LONGEST_LAG_S, 0.15, "lag of the actuator"),
     "second_lag_s": Parameter("s", 0.005, LONGEST_LAG_S, 0.05, "second lag of the actuator"),
     "time_constant_s": Parameter("s", 0.03, 10.0, 0.6, "time constant of the vehicle"),
-    "servo_hz": Parameter("Hz", 0.5, 4.0, 1.5, "frequency of the servo, where two lags are too few for it"),
+    "servo_hz": Parameter("Hz", 0.4, 4.0, 1.5, "frequency of the servo, where two lags are too few for it"),
     "servo_damping": Parameter("-", RINGS, 0.99, 0.8, "its damping: with less it is a resonance"),
     # Not zero, where gears would slow the drive by another equation: a fit walks through no such edge.
     "stroke_share": Parameter("-", 0.01, 0.9, 0.01, "share of how far the drive yields that rises with the stroke"),

@@ -36,7 +36,6 @@ SETTLED_STEPS: Final = 300
 SETTLED: Final = 1e-7  # relative change at which a fit has settled: along a valley of several shapes steps are short
 STILL: Final = 1e-10  # of the greatest curvature, every number in units of what it moves: so little tells nothing
 PART: Final = 0.01  # of a number in a direction that is not told, from which on it is not told either
-PUMP_HZ: Final = 1.0  # Hz, below which a servo is no pump's, but the loop around a whole drive: well damped
 SERVO_HZ: Final = (0.8, 1.8)  # from which the fit of a servo with a pair of poles begins
 SERVO_LAGS_S: Final = (0.05, 0.03)  # likewise, of the lags beside it
 SERVO_GAIN: Final = 0.03  # of the held-out loss, that the pair must take away,
@@ -126,8 +125,8 @@ class Search:
         """The same with a pair of poles for the servo, where the two lags are too few: it errs clearly less then.
 
         A servo of second order that lags cannot imitate would else be taken for an effect of the dynamics. One that
-        would be slower, or needs all the delay that there may be, stands in for dead time that the model lacks; one so
-        slow as no pump's that would ring is a resonance.
+        would be slower, or needs all the delay that there may be, stands in for dead time that the model lacks; one
+        that would ring is a resonance.
         """
         core = present.explanation.core
         if core.servo_hz:
@@ -138,7 +137,7 @@ class Search:
         judged = self.judged(present.candidate, min(fits, key=lambda one: one.cost))
         served = judged.explanation.core
         late = served.delay_s > (1.0 - AT_BOUND) * self.most_delay_s(judged.explanation)
-        rings = served.servo_hz < PUMP_HZ and served.servo_damping < (1.0 + AT_BOUND) * CORE["servo_damping"].low
+        rings = served.servo_damping < (1.0 + AT_BOUND) * CORE["servo_damping"].low
         if late or rings or served.servo_hz < (1.0 + AT_BOUND) * CORE["servo_hz"].low:
             return present
         sure = sureness(present, judged, np.random.default_rng(SERVO_SEED)) >= SERVO_SURE

@@ -186,9 +186,16 @@ def test_a_servo_of_second_order_is_the_cores_and_no_effect():
 
 @pytest.mark.parametrize(
     ("pair", "its_own"),
-    [((0.6, 0.4), False), ((0.5, 0.65), True), ((0.7, 0.55), True), ((1.6, 0.55), True), ((0.6, 0.85), True)],
+    [
+        ((0.6, 0.4), False),
+        ((1.2, 0.4), False),
+        ((0.5, 0.65), True),
+        ((0.7, 0.55), True),
+        ((1.6, 0.55), True),
+        ((0.6, 0.85), True),
+    ],
 )
-def test_a_pair_as_slow_as_no_servo_that_rings_is_a_resonance(pair, its_own):
+def test_a_pair_that_rings_is_a_resonance_and_no_servo(pair, its_own):
     one = study([drive(300.0, 1, 0.1, 0.005, pair=pair)], parse("arx:na=1,nb=3,delay_s=0.5"), None, 0.2)
     assert bool(one.base.explanation.core.servo_hz) == its_own
 

@@ -1,7 +1,7 @@
 """Power limit: where the demand of the ground exceeds what pump or engine can give, the swash plate is taken back.
 
     P_0 = m (p w + g_n c_r |w|) / 1000, or P_0 = kappa (dp w - p_0 |w|) through a low-pass where the pressure is known
-    g = (1 - c) g_p g_c,   g_p = min(1, P_max / P_0)^h, the corner rounded off within +-1/8 of P_max
+    g = (1 - c) g_p g_c,   g_p = min(1, P_max (1 - a L / 100) / P_0)^h, the corner rounded off within +-1/8 of P_max
     w = v / s,   ds/dt = (g_p - s) / tau_v
     g_c = max(1 - b max(|dp| - p_c, 0), 0.2),   dc/dt = k max(L - L_0, 0) - c / tau_c,   c <= 0.8
 
@@ -10,12 +10,13 @@ it the limit has left, as the vehicle follows it within tau_v, so that w is the 
 (15 000 kg where not measured), p pull of the slope in m/s2 as in `pull`: what of it is acceleration acts on the pump's
 pressure only as far as the control is as quick, so share and low-pass are found from the data; g_n = 9.81 m/s2, c_r
 rolling resistance (0.02 on concrete to 0.12 on soft soil, found from the data), P_max in kW. How hard it holds is h: 1
-keeps the power, v = P_max / F with F the force, less is a softer control. dp line pressure in bar (+ driving forward),
-which shows soil and whatever else holds the machine, p_0 in bar along the motion where nothing does, kappa in kN per
-bar: 0 leaves the pressure alone. A pressure cut-off, which sees the higher one of the lines, destrokes the pump from
-p_c in bar on, by a share b per bar (600 bar is never reached). An electronic limit, which keeps the engine from
-stalling, cuts a share c of the stroke while the engine is overloaded, whatever loads it, and gives it back slowly: L
-engine load in percent, L_0 load from which it cuts (200 is never reached), k share per second and percent, tau_c in s.
+keeps the power, v = P_max / F with F the force, less is a softer control. What else the engine drives leaves less of
+its power for the wheels: L engine load in percent, a share of P_max that a full load takes. dp line pressure in bar (+
+driving forward), which shows soil and whatever else holds the machine, p_0 in bar along the motion where nothing does,
+kappa in kN per bar: 0 leaves the pressure alone. A pressure cut-off, which sees the higher one of the lines, destrokes
+the pump from p_c in bar on, by a share b per bar (600 bar is never reached). An electronic limit, which keeps the
+engine from stalling, cuts a share c of the stroke while the engine is overloaded, whatever loads it, and gives it back
+slowly: L_0 load from which it cuts (200 is never reached), k share per second and percent, tau_c in s.
 
 Source: data sheets of axial piston pumps with torque (power) control, pressure times displacement is held, and with
 pressure cut-off; J.Y. Wong, Theory of Ground Vehicles (2008), ch. 2 (motion resistance of soil); section V.A of Coen et
@@ -36,19 +37,32 @@ NEVER_PCT: Final = 200.0  # %: more than any engine shows
 NEVER_BAR: Final = 600.0  # bar: more than any hydrostatic drive stands
 MOST_CUT: Final = 0.8  # share of the stroke
 MOST_TIMES: Final = 10.0  # times the limit, beyond which nothing more is taken back
+MOST_TAKEN: Final = 0.95  # of the power, by what else the engine drives
 CORNER: Final = 0.125  # relative half width of the rounded corner: a fit by differences sees a slope on both sides
 
 
 @dataclass(frozen=True, slots=True)
 class PowerLimit(Effect):
-    """g = (1 - c) min(1, power_kw / P_0)^hold g_c, the corner rounded off; 300 kW, 200 % and 600 bar are no limits."""
+    """g = (1 - c) min(1, P_max / P_0)^hold g_c, the corner rounded off; P_max what the load leaves.
+
+    300 kW, 200 % and 600 bar are no limits.
+    """
 
     name = "power_limit"
     stage = Stage.GAIN
     needs = ("pitch_deg",)
     helps = ("machine_mass_kg", "line_pressure_bar", "engine_load_pct", OUTPUT)
     reads_speed = True
-    instead = ("kn_per_bar", "rest_bar", "onset_pct", "cut_per_pct_s", "release_s", "cutoff_bar", "cut_per_bar")
+    instead = (
+        "kn_per_bar",
+        "rest_bar",
+        "load_share",
+        "onset_pct",
+        "cut_per_pct_s",
+        "release_s",
+        "cutoff_bar",
+        "cut_per_bar",
+    )
     told_by = ("line_pressure_bar", "engine_load_pct")
     parameters: ClassVar = {
         "power_kw": Parameter("kW", 5.0, UNLIMITED_KW, UNLIMITED_KW, "power that the drive may take; 300 is no limit"),
@@ -61,6 +75,7 @@ class PowerLimit(Effect):
         "filter_s": Parameter("s", 0.0, 2.0, 0.0, "time constant through which slope or pressure is felt"),
         "kn_per_bar": Parameter("kN/bar", 0.0, 2.0, 0.0, "force that a bar is; 0: it goes by slope and mass alone"),
         "rest_bar": Parameter("bar", -200.0, 400.0, 0.0, "pressure while nothing holds the machine"),
+        "load_share": Parameter("-", 0.0, 1.0, 0.0, "share of it that an engine load of 100 % takes from the drive"),
         "onset_pct": Parameter(
             "%", 65.0, NEVER_PCT, NEVER_PCT, "engine load from which the stroke is cut; 200 is never"
         ),
@@ -75,14 +90,14 @@ class PowerLimit(Effect):
     }
     about: ClassVar = About(
         physics="Torque control of the pump, or an electronic limit that keeps the diesel from stalling, takes the "
-        "swash plate back as soon as pressure times flow exceeds the power that may be taken. The pressure follows the "
-        "force at the wheels: mass times slope and rolling resistance. On level ground and at low speed nothing is "
-        "felt; uphill with a full bin the machine refuses to go faster, whatever the current. Where a controller "
-        "watches the engine's load, it cuts the stroke while the engine is overloaded and gives it back slowly. A "
-        "pressure cut-off does the same from a pressure on, at any speed.",
-        equation="g = min(1, P_max / P_0)^h,  P_0 = m (p w + 9.81 m/s2 c_r |w|),  p = 9.81 m/s2 sin(alpha) - r dv/dt, "
-        "through a low-pass of tau; or P_0 = kappa (dp w - p_0 |w|); w = v / s, s is g within tau_v; or g = 1 - c,  "
-        "dc/dt = k max(L - L_0, 0) - c / tau_c; or g = 1 - b max(|dp| - p_c, 0)",
+        "swash plate back as soon as pressure times flow exceeds the power that may be taken: the less, the more else "
+        "the engine drives. The pressure follows the force at the wheels: mass times slope and rolling resistance. On "
+        "level ground and at low speed nothing is felt; uphill with a full bin the machine refuses to go faster, "
+        "whatever the current. Where a controller watches the engine's load, it cuts the stroke while the engine is "
+        "overloaded and gives it back slowly. A pressure cut-off does the same from a pressure on, at any speed.",
+        equation="g = min(1, P_max (1 - a L / 100) / P_0)^h,  P_0 = m (p w + 9.81 m/s2 c_r |w|),  "
+        "p = 9.81 m/s2 sin(alpha) - r dv/dt, through a low-pass of tau; or P_0 = kappa (dp w - p_0 |w|); w = v / s, "
+        "s is g within tau_v; or g = 1 - c,  dc/dt = k max(L - L_0, 0) - c / tau_c; or g = 1 - b max(|dp| - p_c, 0)",
         source="data sheets of pumps with torque control; Wong 2008, ch. 2; Coen et al. 2005, section V.A, Fig. 6",
         signature="the residual is negative where speed times slope is high, and there only: nothing downhill, nothing "
         "below a speed that falls as the slope and the mass rise; where a controller sees to it, it comes with an "
@@ -100,6 +115,7 @@ class PowerLimit(Effect):
     filter_s: float = 0.0
     kn_per_bar: float = 0.0
     rest_bar: float = 0.0
+    load_share: float = 0.0
     onset_pct: float = NEVER_PCT
     cut_per_pct_s: float = 0.01
     release_s: float = 2.0
@@ -135,7 +151,9 @@ class PowerLimit(Effect):
         known = felt_kw == felt_kw  # NaN: not measured
         shown_kw = where(known, felt_kw, shown_kw)
         asked_kw = where(known * (self.kn_per_bar > 0.0), felt_kw, asked_kw)
-        excess = asked_kw * limited / self.power_kw - (1.0 - CORNER)
+        load_pct = signals.get("engine_load_pct", 0.0)
+        taken = where(load_pct == load_pct, self.load_share * load_pct / 100.0, 0.0)  # NaN: not measured
+        excess = asked_kw * limited / (self.power_kw * (1.0 - clip(taken, 0.0, MOST_TAKEN))) - (1.0 - CORNER)
         rounded = clip(excess, 0.0, 2.0 * CORNER)
         times = 1.0 + rounded * rounded / (4.0 * CORNER) + clip(excess - 2.0 * CORNER, 0.0, MOST_TIMES)
         held = times**-self.hold

@@ -168,6 +168,8 @@ def _fixed(effects: Sequence[Effect], recordings: Sequence[Recording]) -> frozen
     unknown |= {
         f"power_limit.{name}" for name in (BY_SLOPE["power_limit"] if force_of_a_bar(recordings) else ("rest_bar",))
     }
+    if not all("engine_load_pct" in one.columns for one in recordings):
+        unknown.add("power_limit.load_share")
     unknown |= {"crop_load.traction_pct_per_bar_mps", "crop_load.rest_bar"}
     reference = {"gear_ratio.gear_2_mps", "grade.acceleration_share", "power_limit.kn_per_bar"}
     kinds = {f"{name}.{effect.kind}" for name, effect in EFFECTS.items() if effect.kind}

@@ -28,6 +28,7 @@ SHAPES = {
         "filter_s": 0.7,
         "kn_per_bar": 0.1,
         "rest_bar": 20.0,
+        "load_share": 0.4,
         "onset_pct": 85.0,
         "cut_per_pct_s": 0.02,
         "release_s": 1.0,

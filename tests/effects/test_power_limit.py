@@ -122,6 +122,16 @@ def test_a_peak_of_the_pressure_is_felt_through_the_lag():
     assert felt == pytest.approx(30.0 / (20.0 + 60.0 * (1.0 - math.exp(-0.4))))
 
 
+def test_what_else_the_engine_drives_leaves_less_for_the_wheels():
+    one = PowerLimit(60.0, 1.0, load_share=0.5)
+    for load_pct, left_kw in ((0.0, 60.0), (40.0, 48.0), (80.0, 36.0), (-10.0, 60.0)):
+        assert stepped(one, 2.0, UP | {"engine_load_pct": load_pct}) == pytest.approx(min(left_kw / DEMAND_KW, 1.0))
+    for not_measured in ({}, {"engine_load_pct": math.nan}):
+        assert stepped(one, 2.0, UP | not_measured) == pytest.approx(60.0 / DEMAND_KW)
+    assert stepped(PowerLimit(60.0, 1.0, load_share=1.0), 2.0, UP | {"engine_load_pct": 120.0}) > 0.0
+    assert stepped(PowerLimit(load_share=0.5), 2.0, UP | {"engine_load_pct": 90.0}) == 1.0, "300 kW is no limit"
+
+
 def test_a_controller_cuts_the_stroke_while_the_engine_is_overloaded_and_gives_it_back_slowly():
     effect, dt_s = PowerLimit(onset_pct=90.0, cut_per_pct_s=0.01, release_s=2.0), 0.2
     state, gains = effect.start(0.0), []

@@ -18,6 +18,7 @@ ROWS = (
     "sampling",
     "grid",
     "recording",
+    "times",
     "columns",
     "csv_file",
     "effects",

@@ -92,7 +92,7 @@ class Effect(ABC):
     either_sign: ClassVar[bool] = False  # of a load: whether it may also push; most only take speed
     brakes_hold: ClassVar[bool] = False  # of a load: whether it is none while the brakes hold a machine that stands
     parameters: ClassVar[Mapping[str, Parameter]]
-    instead: ClassVar[tuple[str, ...]] = ()  # parameters of another way in which it may act; neutral: nothing,
+    instead: ClassVar[tuple[str, ...]] = ()  # parameters by which it goes by other signals; neutral: it does not,
     told_by: ClassVar[tuple[str, ...]] = ()  # and the signals that those go by
     spare: ClassVar[tuple[str, ...]] = ()  # parameters each looked for only where the effect errs far less with it
     kind: ClassVar[str] = ""  # parameter that says which of two kinds it is: at one end of its bounds or at the other

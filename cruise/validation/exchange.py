@@ -8,7 +8,7 @@ import numpy as np
 from cruise.effects import EFFECTS
 from cruise.validation.candidates import MEDIATORS, UNNAMED, candidates, without
 from cruise.validation.judged import sureness
-from cruise.validation.laws import refuted
+from cruise.validation.laws import ruled_out
 from cruise.validation.selection import Selected
 from cruise.validation.study import Study
 from cruise.validation.tried import (
@@ -58,7 +58,7 @@ def exchanged(study: Study, name: str, found: Selected, rng: np.random.Generator
     others = [
         one
         for one in tried
-        if one is not chosen and not one.name.startswith(UNNAMED) and not refuted(one.name, name, tried)
+        if one is not chosen and not one.name.startswith(UNNAMED) and not ruled_out(one.name, name, tried)
     ]
     alike = tuple(
         one.name

@@ -29,7 +29,7 @@ def law_of(name: str) -> str:
     return SPEED if EFFECTS[name].reads_speed else ""
 
 
-def refuted(name: str, by: str, tried: Sequence[Tried]) -> bool:
+def ruled_out(name: str, by: str, tried: Sequence[Tried]) -> bool:
     """Whether an effect is a law of one signal, another effect one of the other, and that signal leaves clearly less.
 
     `tried` are all candidates beside one explanation, the free curves among them.

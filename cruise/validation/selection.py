@@ -11,7 +11,7 @@ from cruise.signals import INPUT, OUTPUT
 from cruise.validation.background import DYNAMICS, STRUCTURAL
 from cruise.validation.candidates import MEDIATORS, UNNAMED, Refused, candidates, unnamed, without
 from cruise.validation.judged import Judged, gain, sureness
-from cruise.validation.laws import refuted
+from cruise.validation.laws import law_of, ruled_out
 from cruise.validation.mediator import MEDIATED, one_for_all, unknown
 from cruise.validation.search import Search
 from cruise.validation.study import Study
@@ -189,7 +189,7 @@ def _further(one: Tried, step: Step, before: Judged, chosen: Sequence[str]) -> b
     hidden = rest and one.gain >= MOST and one.name not in DYNAMICS  # a far larger one hid it
     if soil_short(one) > 0.0 or (share < least_share(one.name, chosen) and not hidden):
         return False
-    if any(refuted(one.name, name, step.tried) for name in chosen):  # what is left is the form of that
+    if any(ruled_out(one.name, name, step.tried) for name in chosen):  # what is left is the form of that
         return False
     return _takes_most(one) or _takes_plainly(one, share, rest) or _takes_with_evidence(one, step)
 
@@ -313,8 +313,7 @@ def _witnessed(named: Sequence[Tried], curve: Tried) -> bool:
 
 def _of_the_same(name: str, signal: str) -> bool:
     """Whether an effect of the table is a law of this recorded signal, or of the model's speed and no recorded one."""
-    needs = EFFECTS[name].needs
-    return not needs and SPEED in _acts_through(name) if signal == SPEED else signal in needs and signal != OUTPUT
+    return law_of(name) == SPEED if signal == SPEED else signal in EFFECTS[name].needs and signal != OUTPUT
 
 
 def _curves(one: Tried) -> bool:

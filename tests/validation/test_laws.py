@@ -6,7 +6,7 @@ import pytest
 
 from cruise.signals import INPUT
 from cruise.validation.candidates import UNNAMED
-from cruise.validation.laws import law_of, refuted
+from cruise.validation.laws import law_of, ruled_out
 from cruise.validation.tried import LOOSE, Tried
 from cruise.validation.unnamed import SPEED
 
@@ -37,11 +37,11 @@ def test_a_law_of_the_current_is_refuted_where_any_law_of_the_speed_leaves_clear
 
     def no_law(of_current: float, of_speed: float, quadratic: float = 9.0, by: str = "speed_droop") -> bool:
         tried = [left(f"{UNNAMED}{INPUT}", of_current), left(f"{UNNAMED}{SPEED}", of_speed)]
-        return refuted("quadratic_gain", by, [*tried, left("quadratic_gain", quadratic)])
+        return ruled_out("quadratic_gain", by, [*tried, left("quadratic_gain", quadratic)])
 
     assert no_law(1.01 * LOOSE, 1.0)
     assert not no_law(0.99 * LOOSE, 1.0)
     assert not no_law(2.0 * LOOSE, 1.0, quadratic=0.99 * LOOSE), "the curve is no limit where the effect leaves less"
     assert not no_law(2.0 * LOOSE, 1.0, by="saturation"), "that is a law of the current, too"
     assert not no_law(2.0 * LOOSE, 1.0, by="grade")
-    assert not refuted("quadratic_gain", "speed_droop", [left(f"{UNNAMED}{INPUT}", 9.0)]), "nothing says so"
+    assert not ruled_out("quadratic_gain", "speed_droop", [left(f"{UNNAMED}{INPUT}", 9.0)]), "nothing says so"

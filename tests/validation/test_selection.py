@@ -114,14 +114,15 @@ def test_a_curve_that_errs_less_only_by_a_little_of_something_else_has_no_word(d
     last = dead_zone.steps[-1]
     rest = next(one for one in last.tried if not one.name.startswith(UNNAMED))
 
-    def more(signal: str, left: float, credit: float = 1.0) -> bool:
-        curve = replace(rest, name=f"{UNNAMED}{signal}")
+    def more(signal: str, left: float, credit: float = 1.0, of_curve: float = 1.0) -> bool:
+        curve = replace(rest, name=f"{UNNAMED}{signal}", judged=replace(rest.judged, raw=of_curve * rest.judged.raw))
         friction = replace(rest, credit=credit, judged=replace(rest.judged, raw=left * rest.judged.raw))
         return selection._is_more_than_the_curve(curve, ("dead_zone",), replace(last, tried=(friction,)))
 
     assert more(INPUT, LOOSE - 0.01)
     assert not more(INPUT, LOOSE + 0.01)
-    assert more(INPUT, 0.9, credit=0.0) is (last.before.loss < LOOSE * rest.judged.loss), "by the effects alone"
+    assert more(INPUT, 0.5, of_curve=0.5)
+    assert not more(INPUT, 0.5, of_curve=0.5, credit=0.0), "what counts for nothing explains nothing"
     assert not more("header_height_mm", LOOSE - 0.01), "no effect that was found acts through that"
 
 

@@ -172,7 +172,9 @@ def test_what_recordings_say_nothing_about_is_not_fitted():
     assert not {"gear_ratio.gear_3_mps", "gear_ratio.pace_exponent"} & begun.search.fixed
     slow = study([drive(100.0, columns={"gear": np.minimum(gear, 2.0)})], PLAIN, None, PERIOD_S)
     assert "gear_ratio.pace_exponent" in slow.search.fixed
-    assert "grade.acceleration_share" in begun.search.fixed
+    assert {"grade.acceleration_share", "power_limit.load_share"} <= begun.search.fixed
+    loaded = study([drive(100.0, columns={"engine_load_pct": 50.0 + gear})], PLAIN, None, PERIOD_S)
+    assert "power_limit.load_share" not in loaded.search.fixed
 
 
 def test_a_servo_of_second_order_is_the_cores_and_no_effect():

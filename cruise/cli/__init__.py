@@ -2,6 +2,8 @@
 
 import sys
 from importlib import import_module
+from importlib.metadata import version
+from typing import Annotated
 
 STOPPED = 130  # exit code of what Ctrl-C ended, as shells have it
 VERBS = (
@@ -17,6 +19,12 @@ def main() -> None:
         _run()
     except KeyboardInterrupt:
         sys.exit(STOPPED)
+
+
+def _say_version(asked: bool) -> None:
+    if asked:
+        print(f"cruise {version('cruise-control-combine')}")
+        raise SystemExit
 
 
 def _run() -> None:
@@ -38,7 +46,15 @@ def _run() -> None:
     wanted = next((word for word in sys.argv[1:] if word in VERBS), None)
     for verb in VERBS if wanted is None else (wanted,):
         app.command(verb)(getattr(import_module(f"cruise.cli.{verb}"), verb))
-    app.callback()(lambda: None)  # one registered verb must not become the whole program
+
+    @app.callback()  # without one, a verb that is registered alone would be the whole program
+    def program(
+        version: Annotated[
+            bool, typer.Option("--version", is_eager=True, callback=_say_version, help="Print it and end.")
+        ] = False,
+    ) -> None:
+        pass
+
     try:
         app()
     except (SettingsError, RecordingError, LogError, FitError) as error:

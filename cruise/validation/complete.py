@@ -3,7 +3,8 @@
 An effect whose signal is missing where the drive is rough would seem to lower the error. So a signal with holes in more
 than a tenth of the time is as good as not recorded, unless the model needs it, and where one of the others has a hole,
 the recording has, as it has where a brake or clutch acted. What somebody asks for (lever, buttons) acts through the
-current, another reading of the speed answers to all that moves the machine: they are no candidates, nor are the pedals.
+current, another reading of the speed, or an engine that the wheels turn, answers to all that moves the machine: they
+are no candidates, nor are the pedals.
 """
 
 from collections.abc import Collection, Sequence
@@ -16,6 +17,7 @@ from cruise.identification.preparation import driven_alone
 from cruise.recording import Recording, listed
 from cruise.signals import ASKED, INPUT, OUTPUT, PEDALS
 from cruise.validation.readings import other_readings
+from cruise.validation.turned import ENGINE, engine_is_turned
 
 SHOWN: Final = 3  # recordings that are named
 LEAST_KNOWN: Final = 0.9  # of the time in which current and speed are known
@@ -42,7 +44,7 @@ def complete(recordings: Sequence[Recording], needed: Collection[str]) -> list[R
     recordings = driven_alone(recordings)
     names = set.intersection(*(set(one.columns) for one in recordings)) - {INPUT, OUTPUT}
     names -= ASKED.union(PEDALS).difference(needed)
-    answers = [name for name in other_readings(recordings) if name not in needed]
+    answers = {name: why for name, why in _answers(recordings).items() if name in names.difference(needed)}
     names -= set(answers)
     there = [np.isfinite(one.input) & np.isfinite(one.output) for one in recordings]
     driven = max(sum(int(known.sum()) for known in there), 1)
@@ -59,7 +61,7 @@ def complete(recordings: Sequence[Recording], needed: Collection[str]) -> list[R
     shares = {name: share([name]) for name in names}
     spare = sorted(names.difference(needed), key=lambda name: (shares[name], name))
     notes = _not_everywhere(recordings)
-    notes += [f"{name}: goes with the ground speed itself{LEFT_OUT}: it is an answer, no cause" for name in answers]
+    notes += [f"{name}: {why}{LEFT_OUT}: it is an answer, no cause" for name, why in answers.items()]
     while spare and share(names) < LEAST_KNOWN * share(names.intersection(needed)):
         name = spare.pop(0)
         names.discard(name)
@@ -70,6 +72,14 @@ def complete(recordings: Sequence[Recording], needed: Collection[str]) -> list[R
         drive = {INPUT: one.input, OUTPUT: np.where(known, one.output, np.nan)}
         result.append(replace(one, columns={**columns, **drive}, notes=(*one.notes, *notes)))
     return result
+
+
+def _answers(recordings: Sequence[Recording]) -> dict[str, str]:
+    """What the drive itself moves, and how that shows."""
+    found = {name: f"goes with {what}" for name, what in other_readings(recordings).items()}
+    if engine_is_turned(recordings):
+        found |= dict.fromkeys(ENGINE, "the wheels turn the engine, the input hardly tells its turns per metre")
+    return found
 
 
 def why_left_out(name: str, recordings: Sequence[Recording]) -> str:

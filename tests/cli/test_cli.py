@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
@@ -354,3 +355,8 @@ def test_a_bus_that_disappears_ends_a_recording_with_one_clear_line(verb, tmp_pa
     assert code == 3
     assert "the interface went away" in err
     assert "Traceback" not in err
+
+
+def test_the_version_is_that_of_the_package(verb):
+    code, out, err = verb("--version")
+    assert (code, out, err) == (0, f"cruise {version('cruise-control-combine')}\n", "")

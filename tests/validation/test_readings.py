@@ -8,7 +8,7 @@ import pytest
 from cruise.recording import Recording
 from cruise.signals import OUTPUT
 from cruise.validation.readings import other_readings
-from tests.validation.driving import drive, wander
+from tests.validation.driving import drive, levels, wander
 
 DT_S, SECONDS = 0.1, 240.0
 SAMPLES = round(SECONDS / DT_S)
@@ -35,14 +35,16 @@ READINGS = {
 @pytest.mark.parametrize("reading", READINGS)
 def test_another_reading_of_the_speed_is_told(reading):
     one = driven()
-    assert other_readings([with_column(one, READINGS[reading](one.output))]) == ["by_satellite"]
+    assert other_readings([with_column(one, READINGS[reading](one.output))]) == {
+        "by_satellite": "the ground speed itself"
+    }
 
 
 def test_a_sensor_that_does_not_know_forward_from_backward_is_told():
     one = driven()
     turning = np.sign(wander(SAMPLES, DT_S, 1, 1.0, 10.0))
     one = replace(one, columns={**one.columns, OUTPUT: turning * one.output})
-    assert other_readings([with_column(one, np.abs(one.output))]) == ["by_satellite"]
+    assert other_readings([with_column(one, np.abs(one.output))]) == {"by_satellite": "the ground speed itself"}
 
 
 def test_the_turns_of_a_shaft_before_the_gears_are_told_over_several_gears():
@@ -53,7 +55,20 @@ def test_the_turns_of_a_shaft_before_the_gears_are_told_over_several_gears():
         with_column(each, np.array([ratios[g] for g in each.columns["gear"]]) * each.output, "motor_rpm")
         for each in (one, other)
     ]
-    assert other_readings(both) == ["motor_rpm"]
+    assert other_readings(both) == {"motor_rpm": "the ground speed itself"}
+
+
+@pytest.mark.parametrize("late_s", [0.0, 0.5])
+def test_a_sensor_of_the_acceleration_is_told(late_s):
+    one = driven()
+    change = np.gradient(drive(SECONDS, 3, DT_S, noise_mps=0.0).output, DT_S) / 9.81
+    noisy = np.roll(change, round(late_s / DT_S)) + np.random.default_rng(1).normal(0.0, 0.3 * change.std(), SAMPLES)
+    assert other_readings([with_column(one, noisy, "accel_g")]) == {"accel_g": "the change of the ground speed"}
+
+
+def test_what_pushes_the_machine_is_none_though_the_speed_changes_with_it():
+    push = levels(SAMPLES, DT_S, 8, -0.5, 0.5)
+    assert other_readings([drive(SECONDS, 3, DT_S, load_mps=push, columns={"tail_wind": push})]) == {}
 
 
 def test_what_moves_for_reasons_of_its_own_is_none_though_it_moves_the_machine_or_goes_with_it():
@@ -62,9 +77,9 @@ def test_what_moves_for_reasons_of_its_own_is_none_though_it_moves_the_machine_o
     lifted = one.output - one.output.mean()
     follows = 0.8 * lifted / lifted.std() + 0.6 * wander(SAMPLES, DT_S, 5, 1.0, 8.0)
     one = with_column(with_column(one, follows, "follows"), np.full(SAMPLES, 7.3), "still")
-    assert other_readings([one]) == []
+    assert other_readings([one]) == {}
 
 
 def test_a_signal_with_a_meaning_is_never_one():
     one = driven()
-    assert other_readings([with_column(one, one.output, "wheel_speed_mps")]) == []
+    assert other_readings([with_column(one, one.output, "wheel_speed_mps")]) == {}

@@ -26,8 +26,16 @@ SOUNDS: Final = re.compile(r"time|(?<![^\W_])(?:ms|us|sec|seconds)(?![^\W_])", r
 MOST_CODES: Final = 3  # "specific", "error" and "not available" of J1939-71; what is measured has more values
 FALLS: Final = -0.5  # correlation of input and speed below which one of them has the wrong sign
 CODES_APART: Final = 0.25  # of a signal's range, by which they are apart from all that was measured
-LARGEST: Final[dict[InputUnit, float]] = {"A or a share of all": 3.0, "per cent": 150.0, "mA": math.inf}
-"""The largest input and what it is taken to be in: no pump's servo moves below 150 mA, and none takes 3 A."""
+LARGEST: Final[dict[InputUnit, float]] = {
+    "A or a share of all": 3.0,
+    "V or tenths of all": 15.0,
+    "per cent": 150.0,
+    "mA": math.inf,
+}
+"""The largest input and what it is taken to be in: no pump's servo moves below 150 mA, and none takes 3 A.
+
+Valves and small motors are driven by up to 10 or 12 V; per cent that go to 15 only say so in their name.
+"""
 
 
 class ColumnSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -225,6 +233,8 @@ def _in_ma(name: str, signals: dict[str, Readings], settings: RecordingSettings,
     if name in settings.columns or not most or (said not in ("", "mA") and bracketed(name)):
         return ""
     unit: InputUnit = next(unit for unit, most_of in LARGEST.items() if most <= most_of)
+    if unit == "V or tenths of all" and said == "%":
+        unit = "per cent"
     scale = MA_PER_UNIT[unit]
     if unit == "mA":
         return "" if said == "mA" else unit

@@ -6,7 +6,13 @@ from typing import Final, Literal
 FULL_MA: Final = 1000.0  # mA, what an input that is a share of all is taken to be of
 UNITS: Final[dict[str, dict[str, tuple[float, float]]]] = {
     "s": {"s": (1.0, 0.0), "ms": (1e-3, 0.0), "us": (1e-6, 0.0)},
-    "mA": {"mA": (1.0, 0.0), "A": (1000.0, 0.0), "%": (0.01 * FULL_MA, 0.0), "share": (FULL_MA, 0.0)},
+    "mA": {
+        "mA": (1.0, 0.0),
+        "A": (1000.0, 0.0),
+        "%": (0.01 * FULL_MA, 0.0),
+        "V": (0.1 * FULL_MA, 0.0),
+        "share": (FULL_MA, 0.0),
+    },
     "m/s": {"m/s": (1.0, 0.0), "km/h": (1 / 3.6, 0.0), "mm/s": (1e-3, 0.0), "mph": (0.44704, 0.0)},
     "rpm": {"rpm": (1.0, 0.0), "1/s": (60.0, 0.0), "rad/s": (9.549297, 0.0)},
     "deg": {"deg": (1.0, 0.0), "rad": (57.29578, 0.0), "%": (0.5729578, 0.0)},
@@ -15,9 +21,14 @@ UNITS: Final[dict[str, dict[str, tuple[float, float]]]] = {
     "bar": {"bar": (1.0, 0.0), "kPa": (0.01, 0.0), "psi": (0.0689476, 0.0)},
 }
 """Units of a file by the unit of the signal: scale and offset."""
-InputUnit = Literal["", "mA", "per cent", "A or a share of all"]
+InputUnit = Literal["", "mA", "per cent", "V or tenths of all", "A or a share of all"]
 """What the size of an input tells of its unit; empty where its name or the settings say it, or it hardly ever moves."""
-MA_PER_UNIT: Final[dict[InputUnit, float]] = {"mA": 1.0, "per cent": 0.01 * FULL_MA, "A or a share of all": FULL_MA}
+MA_PER_UNIT: Final[dict[InputUnit, float]] = {
+    "mA": 1.0,
+    "per cent": 0.01 * FULL_MA,
+    "V or tenths of all": 0.1 * FULL_MA,
+    "A or a share of all": FULL_MA,
+}
 """Those that an input may be in, the ones of greater numbers first."""
 SPELT: Final = {
     "pct": "%", "percent": "%", "mps": "m/s", "kmh": "km/h", "kph": "km/h", "mmps": "mm/s", "rps": "1/s", "hz": "1/s",

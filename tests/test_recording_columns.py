@@ -13,7 +13,12 @@ from tests.csv_files import PLAIN, csv_of, ramp
 
 @pytest.mark.parametrize(
     ("most", "unit", "scale"),
-    [(1.0, "A or a share of all", 1000.0), (2.9, "A or a share of all", 1000.0), (95.0, "per cent", 10.0)],
+    [
+        (1.0, "A or a share of all", 1000.0),
+        (2.9, "A or a share of all", 1000.0),
+        (12.0, "V or tenths of all", 100.0),
+        (95.0, "per cent", 10.0),
+    ],
 )
 def test_an_input_that_is_no_current_counts_as_a_share_of_one(tmp_path, most, unit, scale):
     """Bounds and starts of the effects are in mA: a stop at 0.9 of the pedal would be below all of them."""
@@ -33,6 +38,13 @@ def test_an_input_that_is_no_current_counts_as_a_share_of_one(tmp_path, most, un
     scaled = RecordingSettings(columns={INPUT: ColumnSettings(scale=scale)})
     np.testing.assert_allclose(read_csv(named, scaled).input, read.input, rtol=1e-5)
     assert read_csv(named, scaled).notes == ()
+
+
+def test_per_cent_that_are_few_are_told_by_their_name(tmp_path):
+    rows = [f"{0.1 * k:.1f},{0.3 * k:.6g},{k / 10}" for k in range(41)]
+    read = read_csv(csv_of(tmp_path, rows, "time_s,duty_pct,ground_speed_mps"), RecordingSettings(input="duty_pct"))
+    np.testing.assert_allclose(read.input, 3.0 * np.arange(41))
+    assert read.input_unit == "per cent"
 
 
 def test_an_input_with_times_of_its_own_counts_as_a_share_too():
@@ -121,6 +133,7 @@ def test_a_speed_is_read_in_the_unit_that_its_name_says(tmp_path, name, mps):
     ("name", "most", "ma"),
     [
         ("I [A]", 1.2, 1000.0),
+        ("U [V]", 24.0, 100.0),
         ("I (%)", 2.0, 10.0),  # which would else be A
         ("I [mA]", 800.0, 1.0),
         ("coil_A", 800.0, 1.0),  # a coil's name, and no unit

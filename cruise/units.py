@@ -32,6 +32,7 @@ MA_PER_UNIT: Final[dict[InputUnit, float]] = {
 """Those that an input may be in, the ones of greater numbers first."""
 SPELT: Final = {
     "pct": "%", "percent": "%", "mps": "m/s", "kmh": "km/h", "kph": "km/h", "mmps": "mm/s", "rps": "1/s", "hz": "1/s",
+    "mps2": "m/s2", "m/s²": "m/s2",
     "amps": "A", "radps": "rad/s", "c": "degC", "f": "degF", "°c": "degC", "°f": "degF", "°": "deg", "1/min": "rpm",
 } | {unit.lower(): unit for units in UNITS.values() for unit in units}  # fmt: skip
 """Units by how the last word of a column's name spells them."""

@@ -244,9 +244,9 @@ def _reached(
 
 def _flexible(matrix: np.ndarray, target: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
     """Ridge regression of `target` (N,) on `matrix` (N, n), and gradient boosting of what it leaves; to be called."""
-    linear = make_pipeline(SimpleImputer(keep_empty_features=True), StandardScaler(), Ridge(alpha=RIDGE)).fit(
-        matrix, target
-    )
+    seen = np.isfinite(matrix).any(axis=0)  # in short pieces no error is known at the start of any prediction
+    matrix = matrix[:, seen]
+    linear = make_pipeline(SimpleImputer(), StandardScaler(), Ridge(alpha=RIDGE)).fit(matrix, target)
     boosted = HistGradientBoostingRegressor(
         max_iter=TREES, learning_rate=0.06, max_leaf_nodes=12, l2_regularization=1.0, random_state=SEED
     )
@@ -255,7 +255,7 @@ def _flexible(matrix: np.ndarray, target: np.ndarray) -> Callable[[np.ndarray], 
 
     def predict(shown: np.ndarray) -> np.ndarray:
         with threadpool_limits(1):
-            return linear.predict(shown) + boosted.predict(shown)
+            return linear.predict(shown[:, seen]) + boosted.predict(shown[:, seen])
 
     return predict
 

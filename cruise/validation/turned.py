@@ -17,6 +17,7 @@ import numpy as np
 
 from cruise.model.prediction import lagged
 from cruise.recording import Recording
+from cruise.validation.bins import BINS, bin_of, mean_there
 from cruise.validation.means import trailing_mean
 
 ENGINE: Final = ("engine_speed_rpm", "engine_load_pct")
@@ -25,7 +26,6 @@ VARIED: Final = 0.2  # standard deviation of the logarithm of the ratio, beside 
 LATEST_S: Final = 3.0
 OVER_S: Final = 1.0  # of the input, a mean: a drive takes about as long to follow
 STEP_S: Final = 0.2  # between the samples that are looked at, and the lags
-BINS: Final = 12  # of the input
 DRIVING: Final = 0.1  # of the largest speed: below, a ratio says nothing
 FEW: Final = 100  # samples
 
@@ -61,8 +61,5 @@ def _left(ratio: np.ndarray, current: np.ndarray, gear: np.ndarray, known: np.nd
     known = known & np.isfinite(current)
     if not known.any():
         return np.inf
-    edges = np.quantile(current[known], np.linspace(0.0, 1.0, BINS + 1)[1:-1])
-    cell = np.searchsorted(edges, current[known]) + (BINS + 1) * np.unique(gear[known], return_inverse=True)[1]
-    count, whole = np.bincount(cell), np.bincount(cell, ratio[known])
-    means = whole / np.maximum(count, 1)
-    return float(np.mean((ratio[known] - means[cell]) ** 2))
+    cell = bin_of(current[known]) + BINS * np.unique(gear[known], return_inverse=True)[1]
+    return float(np.mean((ratio[known] - mean_there(cell, ratio[known])) ** 2))

@@ -156,3 +156,11 @@ def test_what_answers_to_the_speed_is_no_cause():
     assert causes_in([both]) == ("engine_speed_rpm", "pitch_deg", "machine_mass_kg")
     lower = Recording(native.time_s, {INPUT: native.input, OUTPUT: native.output}, DT_S, "x.csv")
     assert causes_in([lower]) == ()
+
+
+def test_pieces_in_which_no_error_is_known_before_a_prediction_still_have_a_floor():
+    native, predicted = record(seed=4, seconds=300.0, noise_mps=0.04), perfect(4, 300.0)
+    in_pieces = np.where(np.arange(len(predicted)) % 30 < H, predicted, np.nan)
+    reached = floor_of(native, in_pieces).reached
+    assert reached is not None
+    assert AVERAGED * 0.04 < reached.value_mps < 2.0 * AVERAGED * 0.04

@@ -66,6 +66,30 @@ def test_a_sensor_of_the_acceleration_is_told(late_s):
     assert other_readings([with_column(one, noisy, "accel_g")]) == {"accel_g": "the change of the ground speed"}
 
 
+@pytest.mark.parametrize("name", ["imu_y_mps2", "a [m/s²]", "accel_left_g", "acc"])
+def test_what_is_named_as_an_acceleration_is_one_whatever_it_shows(name):
+    found = other_readings([with_column(driven(), wander(SAMPLES, DT_S, 6, 1.0, 3.0), name)])
+    assert found == {name: "the change of the ground speed"}
+
+
+def test_the_valve_between_input_and_speed_is_told():
+    one = driven()
+    opened = np.roll(np.clip(one.input - 400.0, 0.0, 300.0), 3) + np.random.default_rng(1).normal(0.0, 20.0, SAMPLES)
+    assert other_readings([with_column(one, opened, "valve_position")]) == {"valve_position": "the input itself"}
+
+
+def test_what_drifts_is_not_told_by_an_input_that_is_held_for_long():
+    one = driven()
+    held = np.repeat(np.linspace(300.0, 800.0, 8), SAMPLES // 8)
+    warmer = np.linspace(20.0, 80.0, SAMPLES)
+    assert other_readings([with_column(with_column(one, warmer, "battery_warm"), held, "pump_current_ma")]) == {}
+
+
+@pytest.mark.parametrize("name", ["accelerator_pedal", "vacuum", "yaw_rate_degps"])
+def test_what_has_another_name_is_not_an_acceleration(name):
+    assert other_readings([with_column(driven(), wander(SAMPLES, DT_S, 6, 1.0, 3.0), name)]) == {}
+
+
 def test_what_pushes_the_machine_is_none_though_the_speed_changes_with_it():
     push = levels(SAMPLES, DT_S, 8, -0.5, 0.5)
     assert other_readings([drive(SECONDS, 3, DT_S, load_mps=push, columns={"tail_wind": push})]) == {}

@@ -14,7 +14,7 @@ USUAL: Final[dict[str, tuple[str, ...]]] = {
     OUTPUT: ("ground speed", "vehicle speed", "gps speed", "radar speed", "vehicle v", "gps v", "speed", "v"),
     "wheel_speed_mps": ("wheel speed", "wheel v"),
     "engine_speed_rpm": ("engine speed", "engine rpm", "engine n", "rpm", "n"),
-    "gear": ("actual gear", "gear"),
+    "gear": ("actual gear", "current gear", "gear index", "gear number", "gear"),
     "pitch_deg": ("pitch angle", "slope angle", "pitch", "slope", "incline"),
     "machine_mass_kg": ("machine mass", "vehicle mass", "mass", "weight"),
     "oil_temperature_c": ("oil temperature", "oil t", "temperature"),
@@ -60,13 +60,13 @@ def units_of(meaning: str) -> list[str]:
 
 def _called(name: str, said: set[str]) -> bool:
     """Whether a column has this usual name, and is no column of cruise's own and nothing that somebody asks for."""
-    words = _words(name)
+    words = words_of(name)
     if name in SIGNALS or words & WANTED:
         return False
     return said == words if len(said) == 1 else said <= words
 
 
-def _words(name: str) -> set[str]:
+def words_of(name: str) -> set[str]:
     """The words of a name without its unit, written out."""
     bare = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", apart(name)[0])
     return {SHORT.get(one, one) for one in re.split(r"[\W_]+", bare.lower()) if one}

@@ -158,6 +158,20 @@ def test_a_column_that_may_be_what_an_effect_lacked_is_said_to(hills, capsys):
     assert hints(replace(found, signals=(SPEED,), refused=slip)) == [], "no column of theirs"
 
 
+def test_a_brake_under_a_name_of_its_own_is_said_to_act_beside_the_drive(hills):
+    (recording,) = hills.study.recordings
+    kpa = np.where(np.arange(len(recording)) % 100 < 10, 800.0, 0.0)
+    columns = {**recording.columns, "brake_pressure_kpa": kpa, "brakeman": kpa}
+    braked = replace(hills, study=replace(hills.study, recordings=(replace(recording, columns=columns),)))
+    assert hints(braked) == [
+        "if `brake_pressure_kpa` is of a brake beside the drive, columns: {brake_pressure_kpa: {signal: brake_pedal, "
+        "scale: 0.013}} in the file of --columns leaves the speed out where that acts"
+    ]
+    assert hints(replace(braked, verdict=Verdict.NOTHING)) == hints(hills) == []
+    mapped = replace(recording, columns=columns, notes=("brake_pedal: pressed for 20 s: the drive ...",))
+    assert hints(replace(braked, study=replace(hills.study, recordings=(mapped,)))) == []
+
+
 def test_a_curve_that_takes_much_and_is_not_believed_comes_with_what_it_would_have_to_take(hills, capsys):
     first = hills.steps[0]
     why = "it is believed only where it leaves clearly less than every effect and takes 45 % or more, or 30 % with an"

@@ -22,7 +22,7 @@ from cruise.times import from_its_start, gap_notes, last_of_each, rate_notes, ri
 from cruise.units import FULL_MA, MA_PER_UNIT, UNITS, InputUnit, bracketed, entry, spelt
 
 TIME: Final = "time_s"
-SOUNDS: Final = re.compile(r"time|(?<![^\W_])(?:ms|us|sec|seconds)(?![^\W_])", re.IGNORECASE)  # like a time
+SOUNDS: Final = re.compile(r"time|(?<![^\W_])(?:ms|us|sec|seconds)(?![^\W_])|^t([\W_]+s)?\W*$", re.IGNORECASE)  # a time
 MOST_CODES: Final = 3  # "specific", "error" and "not available" of J1939-71; what is measured has more values
 FALLS: Final = -0.5  # correlation of input and speed below which one of them has the wrong sign
 CODES_APART: Final = 0.25  # of a signal's range, by which they are apart from all that was measured

@@ -88,6 +88,9 @@ def test_the_one_column_that_sounds_like_a_time_is_it_and_ms_are_read_as_such(tm
         ("ms_today,pump_current_ma,ground_speed_mps,gps_time,setup_ms", "ms_today"),
         ("Seconds,pump_current_ma,ground_speed_mps,gps_time,x", "Seconds"),
         ("n,pump_current_ma,ground_speed_mps,gps_time,delay_ms", "gps_time"),
+        ("t_s,pump_current_ma,ground_speed_mps,oil_t,x", "t_s"),
+        ("t [s],pump_current_ma,ground_speed_mps,oil_t_s,x", "t [s]"),
+        ("T,pump_current_ma,ground_speed_mps,gps_time,x", "T"),
         ("Seconds,pump_current_ma,ground_speed_mps,x,y,Time", "Seconds"),
     ],
 )

@@ -65,7 +65,7 @@ MOST_OF_IT: Final = 0.5  # of what effects leave above the noise, that a curve m
 SUPERFLUOUS: Final = 0.5  # of ENOUGH: what an effect must still bring beside the others
 HOPEFUL: Final = (10.0, 2)  # evidence from which an effect that is not enough may be one of two, and how many may
 MOST_EFFECTS: Final = 4
-MOST_STEPS: Final = 8  # two effects that drop each other would go on for ever
+MOST_STEPS: Final = 8  # two effects that drop each other would go on for ever, and so would a search begun anew
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +101,9 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
     steps: list[Step] = []
     chosen: list[str] = []
     refused: list[Refused] = []
-    while len(chosen) < MOST_EFFECTS and len(steps) < MOST_STEPS:
+    for left in reversed(range(MOST_STEPS)):
+        if len(chosen) == MOST_EFFECTS:
+            break
         possible, cannot = candidates(study.recordings, present.explanation)
         refused = refused or cannot
         curves = unnamed(study.recordings, present.explanation)
@@ -113,7 +115,8 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
             break
         if renewed:  # what stood in for a better core, or for another shape of an effect, is superfluous now
             needed, other = _needed(search, steps[0], chosen, present, chosen)
-            if needed != chosen:
+            better = other.loss < steps[0].before.loss / LOOSE  # else nothing is renewed but a shape of an effect
+            if needed != chosen and (needed or (better and left)):
                 chosen, present, steps = needed, other, steps if needed else []
                 continue
         named = [one for one in step.tried if not one.name.startswith(UNNAMED)]

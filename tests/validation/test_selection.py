@@ -1,7 +1,9 @@
 """What is added to a model, and what has the word instead: every limit of the search, from both sides."""
 
+import itertools
 from copy import copy
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -124,6 +126,28 @@ def test_a_curve_that_errs_less_only_by_a_little_of_something_else_has_no_word(d
     assert more(INPUT, 0.5, of_curve=0.5)
     assert not more(INPUT, 0.5, of_curve=0.5, credit=0.0), "what counts for nothing explains nothing"
     assert not more("header_height_mm", LOOSE - 0.01), "no effect that was found acts through that"
+
+
+@pytest.mark.parametrize("better", [False, True])
+def test_a_search_that_is_begun_anew_comes_to_an_end(dead_zone, monkeypatch, better):
+    """Where a core or another shape seems to make all of what was found superfluous, time and again."""
+    alone, beside = dead_zone.steps[0], dead_zone.steps[1]
+    rounds, slots = itertools.count(), itertools.count()
+    base = replace(alone.before, raw=(0.5 if better else 0.99) * alone.before.raw)
+
+    def tried_again(study, present, possible, chosen, rng, show):
+        assert next(rounds) < 2 * selection.MOST_STEPS, "it goes on for ever"
+        return beside if chosen else alone
+
+    def needed(search, first, chosen, present, doubted):
+        return ([], base) if doubted == chosen else (chosen, present)
+
+    monkeypatch.setattr(selection, "tried_beside", tried_again)
+    monkeypatch.setattr(selection, "_needed", needed)
+    monkeypatch.setattr(dead_zone.study.search, "plan", lambda _: SimpleNamespace(slots=next(slots)))
+    found = selection.selected(dead_zone.study, np.random.default_rng(0), lambda *_: None)
+    assert found.chosen == ("dead_zone",)
+    assert found.steps[0] is not found.steps[-1]
 
 
 def test_a_curve_beside_what_was_found_must_take_as_much_as_a_further_effect(dead_zone):

@@ -13,6 +13,7 @@ from cruise.validation.candidates import MEDIATORS, UNNAMED
 from cruise.validation.confidence import FEWEST, in_moments
 from cruise.validation.dead_time import DeadTime
 from cruise.validation.diagnose import SEED, Diagnosis, Verdict
+from cruise.validation.explanation import CORE
 from cruise.validation.judged import Judged, sureness
 from cruise.validation.numbers import numbers
 from cruise.validation.tried import LEAST_GAIN, LOOSE, Tried, step_of, tried_in
@@ -22,6 +23,7 @@ DOUBTFUL: Final = 0.5  # confidence below which an effect may be missing, rather
 FAR: Final = 2.5  # times the noise, from which an error is far above it
 NEGLIGIBLE: Final = 1e-9  # in any unit that numbers are shown in
 ANSWERS: Final = "for its signal answers to the drive itself"
+QUICK: Final = 1.1  # of its lower bound, a time that wants to be shorter
 DISCOUNTED: Final = f"{ANSWERS}, or the line pressure speaks against it"
 """Why not all of an effect's evidence counts."""
 
@@ -266,7 +268,18 @@ def _all(names: Sequence[str], word: str = "and") -> str:
 
 
 def late(found: Diagnosis) -> str:
-    """What to do where the dead time is so much longer than the model's that its taps have to hold it; else empty."""
+    """What to think of where the dead time is so long that the model's taps have to hold it, or the drive so quick.
+
+    Empty where neither is so.
+    """
+    core = found.base.explanation.core
+    quickest_s = {name: QUICK * CORE[name].low for name in ("lag_s", "second_lag_s", "time_constant_s")}
+    if all(getattr(core, name) < low_s for name, low_s in quickest_s.items()):
+        whole_s = core.lag_s + core.second_lag_s + core.time_constant_s
+        return (
+            f"the drive answers within {whole_s:.2g} s, as quickly as a core may be here: what is found beside it may "
+            "be no more than that it is quicker still"
+        )
     found_s, given_s, period_s = found.final.explanation.core.delay_s, found.study.delay_s, found.study.period_s
     periods = round((found_s - given_s) / period_s)
     if "transport_delay" in found.effects or periods < 1:

@@ -158,6 +158,15 @@ def test_a_column_that_may_be_what_an_effect_lacked_is_said_to(hills, capsys):
     assert hints(replace(found, signals=(SPEED,), refused=slip)) == [], "no column of theirs"
 
 
+def test_a_drive_that_is_as_quick_as_a_core_may_be_is_said_to_be(hills):
+    fit = hills.base.fit
+    core = replace(fit.explanation.core, lag_s=0.0201, second_lag_s=0.005, time_constant_s=0.0301)
+    layout = replace(fit.layout, start=replace(fit.explanation, core=core), slots=())
+    quick = replace(hills, base=replace(hills.base, fit=replace(fit, layout=layout, vector=np.zeros(0))))
+    assert diagnosis.late(quick).startswith("the drive answers within 0.055 s, as quickly as a core may be here: ")
+    assert diagnosis.late(hills) == ""
+
+
 def test_a_brake_under_a_name_of_its_own_is_said_to_act_beside_the_drive(hills):
     (recording,) = hills.study.recordings
     kpa = np.where(np.arange(len(recording)) % 100 < 10, 800.0, 0.0)

@@ -16,7 +16,8 @@ that the driver lifts 0.83.
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -42,45 +43,63 @@ def other_readings(recordings: Sequence[Recording]) -> dict[str, str]:
     names = set.intersection(*(set(one.columns) for one in recordings)) - set(SIGNALS)
     if not names:
         return {}
+    drive = _drive_of(recordings, names)
+    told = {name: drive.tells(name) for name in sorted(names)}
+    return {name: what for name, what in told.items() if what}
+
+
+@dataclass(frozen=True, eq=False)
+class _Drive:
+    """Columns (N,) over all recordings, one after the other, and motion and input at all lags, each (N,)."""
+
+    columns: Mapping[str, np.ndarray]
+    gears: np.ndarray
+    blocks: np.ndarray
+    speeds: Sequence[np.ndarray]
+    changes: Sequence[np.ndarray]
+    inputs: Sequence[np.ndarray]
+
+    def tells(self, name: str) -> str:
+        """With what of the drive's own a column goes, or nothing."""
+        values = self.columns[name]
+        if max(_share(values, one, self.gears) for one in self.speeds) > ALL_OF_IT:
+            return "the ground speed itself"
+        if _is_acceleration(name) or max(_share(values, one, self.gears) for one in self.changes) > MOST_OF_IT:
+            return "the change of the ground speed"
+        return "the input itself" if max(_told(values, one, self.blocks) for one in self.inputs) > ALL_OF_IT else ""
+
+
+def _drive_of(recordings: Sequence[Recording], names: Collection[str]) -> _Drive:
     every = [max(round(STEP_S / one.dt_s), 1) for one in recordings]
-    seen = [
+    periods_s = [each * one.dt_s for one, each in zip(recordings, every, strict=True)]
+    thinned = [
         {name: values[::each] for name, values in one.columns.items()}
         for one, each in zip(recordings, every, strict=True)
     ]
-    periods_s = [each * one.dt_s for one, each in zip(recordings, every, strict=True)]
-    geared = all("gear" in one.columns for one in recordings)
-    gears = np.concatenate([one["gear"] if geared else np.zeros(len(one[OUTPUT])) for one in seen])
-    speeds, changes = [], []
-    for lag_s in np.arange(-LATEST_S, LATEST_S + 0.5 * STEP_S, STEP_S):
-        late = _late(seen, OUTPUT, periods_s, lag_s)
-        speeds += [late, np.abs(late)]
-        before, after = (_late(seen, OUTPUT, periods_s, lag_s + shift) for shift in (0.5 * OVER_S, -0.5 * OVER_S))
-        changes.append(after - before)
-    lags_s = np.arange(0.0, LATEST_S + 0.5 * STEP_S, STEP_S)
-    inputs = [_late(seen, INPUT, periods_s, lag_s) for lag_s in lags_s]
-    inputs += [np.mean(inputs[: count + 1], axis=0) for count in range(1, len(inputs))]
-    blocks = np.concatenate(
-        [np.arange(len(one[OUTPUT])) * dt_s // BLOCK_S for one, dt_s in zip(seen, periods_s, strict=True)]
+
+    def late(name: str, lag_s: float) -> np.ndarray:
+        return np.concatenate(
+            [lagged(one[name], round(lag_s / dt_s)) for one, dt_s in zip(thinned, periods_s, strict=True)]
+        )
+
+    lags_s = np.arange(-LATEST_S, LATEST_S + 0.5 * STEP_S, STEP_S)
+    speeds = [late(OUTPUT, lag_s) for lag_s in lags_s]
+    changes = [late(OUTPUT, lag_s - 0.5 * OVER_S) - late(OUTPUT, lag_s + 0.5 * OVER_S) for lag_s in lags_s]
+    inputs = [late(INPUT, lag_s) for lag_s in lags_s if lag_s > -0.5 * STEP_S]
+    times = [np.arange(len(one[OUTPUT])) * dt_s for one, dt_s in zip(thinned, periods_s, strict=True)]
+    geared = all("gear" in one for one in thinned)
+    return _Drive(
+        {name: np.concatenate([one[name] for one in thinned]) for name in names},
+        np.concatenate([one["gear"] if geared else np.zeros(len(one[OUTPUT])) for one in thinned]),
+        np.concatenate(times) // BLOCK_S,
+        [*speeds, *map(np.abs, speeds)],
+        changes,
+        [*inputs, *(np.mean(inputs[: count + 1], axis=0) for count in range(1, len(inputs)))],
     )
-    found = {}
-    for name in sorted(names):
-        values = np.concatenate([one[name] for one in seen])
-        if max(_share(values, speed, gears) for speed in speeds) > ALL_OF_IT:
-            found[name] = "the ground speed itself"
-        elif _is_acceleration(name) or max(_share(values, change, gears) for change in changes) > MOST_OF_IT:
-            found[name] = "the change of the ground speed"
-        elif max(_told(values, current, blocks) for current in inputs) > ALL_OF_IT:
-            found[name] = "the input itself"
-    return found
 
 
 def _is_acceleration(name: str) -> bool:
     return apart(name)[1] == "m/s2" or bool(ACCELERATION.search(name.replace("_", " ")))
-
-
-def _late(seen: Sequence[Mapping[str, np.ndarray]], name: str, periods_s: Sequence[float], lag_s: float) -> np.ndarray:
-    parts = [lagged(one[name], round(lag_s / dt_s)) for one, dt_s in zip(seen, periods_s, strict=True)]
-    return np.concatenate(parts)
 
 
 def _told(values: np.ndarray, current: np.ndarray, blocks: np.ndarray) -> float:

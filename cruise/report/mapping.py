@@ -5,13 +5,14 @@ from typing import Final
 import numpy as np
 
 from cruise.effects import EFFECTS
+from cruise.identification.preparation import PRESSED
 from cruise.signals import OUTPUT, SIGNALS
 from cruise.units import UNITS, entry, spelt
 from cruise.usual_names import guessed, words_of
 from cruise.validation.diagnose import Diagnosis, Verdict
 
 BRAKE: Final = "brake_pedal"
-PRESSED: Final = (0.5, 0.05)  # of the pedal's 0 or 1, and of the largest value of what may be one
+HARDLY: Final = 0.05  # of the largest value of what may be a brake, from which on it acts
 
 
 def hints(found: Diagnosis) -> list[str]:
@@ -22,14 +23,14 @@ def hints(found: Diagnosis) -> list[str]:
 def _brakes(found: Diagnosis) -> list[str]:
     """A brake that no signal of cruise's is: where it acts, the drive does not act alone."""
     recordings = found.study.recordings
-    known = any(note.startswith(f"{BRAKE}:") for one in recordings for note in one.notes)
+    known = any(note.startswith(BRAKE) for one in recordings for note in one.notes)
     if found.verdict is Verdict.NOTHING or known:
         return []
     said = []
     for column in sorted(set(recordings[0].columns) - set(SIGNALS)):
         most = max(float(np.nanmax(one.columns[column])) for one in recordings)
         if {"brake", "brakes"} & words_of(column) and most > 0.0:
-            line = entry(column, signal=BRAKE, scale=float(f"{PRESSED[0] / (PRESSED[1] * most):.2g}"))
+            line = entry(column, signal=BRAKE, scale=float(f"{PRESSED / (HARDLY * most):.2g}"))
             said.append(f"if `{column}` is of a brake beside the drive, {line} leaves the speed out where that acts")
     return said
 

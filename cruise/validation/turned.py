@@ -4,7 +4,7 @@
 
 n engine speed in rpm, y ground speed in m/s, u the input, a mean over a second, m a lag of up to 3 s. How many turns of
 its engine a metre takes is what the current of a hydrostatic drive sets: it tells 0.83 to 0.99 of r on 149 drives of
-five simulated machines and the virtual combine, with engines from idle to rated speed. Of two cars with gears the pedal
+two other simulators and the virtual combine, with engines from idle to rated speed. Of two cars with gears the pedal
 tells 0.07 to 0.36, and the ratio moves by 0.29 to 0.39 beside that (0.20 at most of the others). So where less than
 half is told and more than a fifth is left, the engine's speed is no cause, nor is its load: it is what the pedal asked
 for.

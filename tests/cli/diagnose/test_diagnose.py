@@ -15,7 +15,6 @@ from cruise.effects import EFFECTS, Stage
 from cruise.recording import Recording
 from cruise.report import diagnosis, diagnosis_picture, evidence
 from cruise.report.diagnosis_figures import report
-from cruise.report.mapping import hints
 from cruise.signals import INPUT, OUTPUT
 from cruise.validation import verdict
 from cruise.validation.candidates import Refused
@@ -139,25 +138,6 @@ def test_the_first_by_evidence_is_called_likeliest_though_another_leaves_less(hi
     assert f"and {len(found.ranking) - 1} effects more, with no more evidence" in said(capsys, found)
 
 
-def test_a_column_that_may_be_what_an_effect_lacked_is_said_to(hills, capsys):
-    (recording,) = hills.study.recordings
-    columns = {"Slope [%]" if name == "pitch_deg" else name: values for name, values in recording.columns.items()}
-    own = replace(hills.study, recordings=(replace(recording, columns=columns),))
-    lacking = (Refused("grade", "pitch_deg is not recorded"), Refused("gear_ratio", "gear is not recorded"))
-    found = replace(unlisted(hills), study=own, signals=("Slope [%]",), refused=lacking)
-    assert (
-        "if `Slope [%]` is pitch_deg, the pitch of the machine (+ uphill), "
-        'columns: {"Slope [%]": {signal: pitch_deg, scale: 0.572958}} in the file of --columns says so; '
-        "then `grade` can be tried"
-    ) in said(capsys, found)
-    beside = replace(found, verdict=hills.verdict, effects=hills.effects, signals=(), beside="Slope [%]")
-    assert len(hints(beside)) == 1
-    assert hints(replace(found, signals=("header_height",))) == []
-    assert hints(replace(found, refused=())) == hints(hills) == []
-    slip = (Refused("wheel_slip", "wheel_speed_mps is not recorded"),)
-    assert hints(replace(found, signals=(SPEED,), refused=slip)) == [], "no column of theirs"
-
-
 def test_a_drive_that_is_as_quick_as_a_core_may_be_is_said_to_be(hills):
     fit = hills.base.fit
     core = replace(fit.explanation.core, lag_s=0.0201, second_lag_s=0.005, time_constant_s=0.0301)
@@ -165,20 +145,6 @@ def test_a_drive_that_is_as_quick_as_a_core_may_be_is_said_to_be(hills):
     quick = replace(hills, base=replace(hills.base, fit=replace(fit, layout=layout, vector=np.zeros(0))))
     assert diagnosis.late(quick).startswith("the drive answers within 0.055 s, as quickly as a core may be here: ")
     assert diagnosis.late(hills) == ""
-
-
-def test_a_brake_under_a_name_of_its_own_is_said_to_act_beside_the_drive(hills):
-    (recording,) = hills.study.recordings
-    kpa = np.where(np.arange(len(recording)) % 100 < 10, 800.0, 0.0)
-    columns = {**recording.columns, "brake_pressure_kpa": kpa, "brakeman": kpa}
-    braked = replace(hills, study=replace(hills.study, recordings=(replace(recording, columns=columns),)))
-    assert hints(braked) == [
-        "if `brake_pressure_kpa` is of a brake beside the drive, columns: {brake_pressure_kpa: {signal: brake_pedal, "
-        "scale: 0.013}} in the file of --columns leaves the speed out where that acts"
-    ]
-    assert hints(replace(braked, verdict=Verdict.NOTHING)) == hints(hills) == []
-    mapped = replace(recording, columns=columns, notes=("brake_pedal: pressed for 20 s: the drive ...",))
-    assert hints(replace(braked, study=replace(hills.study, recordings=(mapped,)))) == []
 
 
 def test_a_curve_that_takes_much_and_is_not_believed_comes_with_what_it_would_have_to_take(hills, capsys):

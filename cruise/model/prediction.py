@@ -8,9 +8,10 @@ arrays. Where one does, every step runs through `Model.apply`. Both give the sam
 
 A machine that stands while no current is asked for may be held by its brakes or by the oil that is shut in, on any
 slope: there no load acts that they hold. Whether they do the recording tells: it stands then wherever it was left alone
-long enough, and one that is not held rolls.
+long enough, and one that is not held rolls, however slowly: what it reads then wanders, and noise does not.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -26,7 +27,10 @@ NO_CURRENT: Final = 0.01  # of the greatest current, up to which none is asked f
 STANDING: Final = 0.05  # and of the greatest speed, up to which a machine stands, sensor noise and all;
 NO_CURRENT_MA, STANDING_MPS = 5.0, 0.05  # what sensors read at rest: the greatest, where nothing ever moves
 STOPPED_S: Final = 3.0  # s without current after which a machine that is held stands,
-MOSTLY: Final = 0.9  # in so much of the time; one that rolls on every slope was seen at 0.6, held ones from 0.95 on
+MOSTLY: Final = 0.9  # in so much of the time; one that rolls on every slope was seen at 0.6, held ones from 0.95 on,
+ROLLS: Final = 0.01  # and one that rolls slowly, of the greatest speed, by so many times what the sensor errs:
+SCATTER: Final = 3.0  # one had 10, held ones have 1
+ONE_STD: Final = 1.48  # standard deviation of normal noise over its median size
 
 
 def lagged(values: np.ndarray, lag: int) -> np.ndarray:
@@ -61,8 +65,17 @@ def standing_held(currents_ma: np.ndarray, speeds_mps: np.ndarray, period_s: flo
     count = max(round(STOPPED_S / period_s), 1)
     alone = np.convolve(idle, np.ones(count))[: len(idle)] > count - 0.5
     alone &= np.isfinite(speeds_mps)
-    stands = bool(alone.any()) and float(still[alone].mean()) >= MOSTLY
+    stands = bool(alone.any()) and float(still[alone].mean()) >= MOSTLY and not _rolls(speeds_mps, alone)
     return idle & still & stands
+
+
+def _rolls(speeds_mps: np.ndarray, alone: np.ndarray) -> bool:
+    """Whether a machine that is left alone moves on and off, however slowly: its sensor would not read that at rest."""
+    read = speeds_mps[alone]
+    spread_mps = ONE_STD * float(np.median(np.abs(read - np.median(read))))
+    steps_mps = np.diff(speeds_mps)[alone[1:] & alone[:-1]]
+    noise_mps = ONE_STD * float(np.median(np.abs(steps_mps))) / math.sqrt(2.0) if len(steps_mps) else math.inf
+    return spread_mps > max(ROLLS * float(np.nanmax(np.abs(speeds_mps))), SCATTER * noise_mps)
 
 
 def _small(values: np.ndarray, share: float, least: float) -> np.ndarray:

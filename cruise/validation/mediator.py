@@ -6,9 +6,11 @@ The effect through whose signal every force acts (`MEDIATORS`) explains them all
 itself what is missing. So it is no cause to be named lightly, but beside it everybody's force is known: soil that no
 signal shows is no longer noise, and a dead zone is no longer taken for dry friction. What still takes much away there
 is needed whatever the forces are, and is weighed there. Where nothing does, whatever is missing is a force, and what
-acts on the command, the gain or a sensor is refuted. Where no slope is recorded, every ground has a force that nothing
-foretells: then the effect is named all the same, for what the force costs is what the model lacks. On a machine whose
-forces don't show in that signal nothing of this holds, and nothing is lost: every force is still needed beside it.
+acts on the command, the gain or a sensor is refuted. Where the current alone foretells what the signal shows, nothing
+is refuted: a limit of the rate takes pressure as well, and friction beside it would pass for all there is. Where no
+slope is recorded, every ground has a force that nothing foretells: then the effect is named all the same, for what the
+force costs is what the model lacks. On a machine whose forces don't show in that signal nothing of this holds, and
+nothing is lost: every force is still needed beside it.
 """
 
 import math
@@ -78,7 +80,7 @@ def behind(
             _more_than_many(study.search, present, mediator, direct), _by_a_power(study.search, mediator, direct)
         )
         return (Through.ITSELF, many) if many > 0.0 else (through, one.short)
-    if through is Through.ITSELF and one.commanded:
+    if through in (Through.ITSELF, Through.RECORDED) and one.commanded:
         return Through.COMMANDED, 0.0
     return through, one.short if through is Through.RECORDED else one.margin
 

@@ -11,13 +11,14 @@ from cruise.signals import INPUT, OUTPUT
 from cruise.validation.background import DYNAMICS, STRUCTURAL
 from cruise.validation.candidates import MEDIATORS, UNNAMED, Refused, candidates, unnamed, without
 from cruise.validation.judged import Judged, gain, sureness
-from cruise.validation.laws import law_of, ruled_out
+from cruise.validation.laws import SEED, law_of, ruled_out
 from cruise.validation.mediator import MEDIATED, one_for_all, unknown
 from cruise.validation.search import Search
 from cruise.validation.study import Study
 from cruise.validation.tried import (
     ALL_OF_IT,
     ANYHOW,
+    APART,
     BEYOND_DOUBT,
     ENOUGH,
     FEW,
@@ -59,6 +60,7 @@ LESS: Final = 0.7  # of what they leave in all, with as much evidence; clearly l
 ABOUT: Final = 0.1  # which is as much while it differs by no more than this share
 CLEARLY: Final = 0.6  # of what the best effect leaves where every force is known: all that a curve may leave there
 SAME_SIGNAL: Final = 0.85  # of what a curve takes away: an effect of the same signal that takes as much is the curve
+WHITE: Final = 1.05  # of the noise: a curve that leaves no more, where the effects surely do, has left nothing out
 WITNESS: Final = "wheel_speed_mps"  # shows all that happens between wheel and ground, whatever the cause:
 WITNESSED: Final = 0.85  # of the evidence for what reads it, from which a cause that leaves no more is the cause
 MOST_OF_IT: Final = 0.5  # of what effects leave above the noise, that a curve must take to show them as substitutes
@@ -146,7 +148,7 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
         shows = next(one for one in steps[0].tried if one.name == steps[0].unrecorded)
         return Selected(tuple(steps), (), shows.judged, tuple(refused))
     last = steps[-1] if chosen and steps[-1].before is present else None
-    curve, margin = _curve(steps[0], together(steps[0], present, chosen) if chosen else 0.0, present.loss)
+    curve, margin = _curve(steps[0], together(steps[0], present, chosen) if chosen else 0.0, present)
     if curve is not None and last is not None and _is_more_than_the_curve(curve, chosen, last):
         curve = None
     beside = ""
@@ -260,21 +262,22 @@ def _pair(study: Study, alone: Step, rng: np.random.Generator, show: Show) -> _P
     return max(found, key=lambda one: one[0])[1] if found else None
 
 
-def _curve(first: Step, chosen: float, left: float) -> tuple[Tried | None, float]:
+def _curve(first: Step, chosen: float, present: Judged) -> tuple[Tried | None, float]:
     """The curve without physics that has the word, if one has, and by which margin.
 
-    `chosen` is the evidence for the effects together, `left` the loss that they leave. Soil that nobody recorded, which
+    `chosen` is the evidence for the effects together, `present` the model with them. Soil that nobody recorded, which
     every field has, shows in what the drive itself moves: such a curve has to leave as little as `MEDIATED` asks of it.
     """
     curves = [one for one in first.tried if one.name.startswith(UNNAMED)]
     named = [one for one in first.tried if not one.name.startswith(UNNAMED)]
-    best = max((one for one in curves if _curves(one)), key=counted, default=None)
+    best, left = max((one for one in curves if _curves(one)), key=counted, default=None), present.loss
     if best is None or not enough(best) or best.judged.loss >= left:
         return None, 0.0
     direct = [one.compared.loss for one in named if one.name not in MEDIATORS and one.sureness >= SURE]
     mine = best.name.removeprefix(UNNAMED)
     witnessed = unknown(mine) and _witnessed(named, best)
-    most = 1.0 if witnessed else 1.0 / LOOSE if best.credit == 1.0 else MEDIATED
+    all_of_it = best.credit == 1.0 and best.compared.loss <= WHITE * first.background.noise and _clearly(best, present)
+    most = 1.0 if witnessed or all_of_it else 1.0 / LOOSE if best.credit == 1.0 else MEDIATED
     if first.forces is not None:  # soil, too
         most, left = CLEARLY, min(direct, default=left)
     if best.compared.loss >= min([most * left, *direct]):
@@ -282,7 +285,7 @@ def _curve(first: Step, chosen: float, left: float) -> tuple[Tried | None, float
     effects = max([chosen, *(one.counted for one in named if one.gain >= LEAST_GAIN)])
     margin = best.counted - CURVED[0] - CURVED[1] * best.counted - effects
     noise = first.background.noise
-    less = 1.0 / LOOSE if best.counted >= (1.0 + ABOUT) * effects else LESS
+    less = 1.0 if all_of_it else 1.0 / LOOSE if best.counted >= (1.0 + ABOUT) * effects else LESS
     if effects <= (1.0 + ABOUT) * best.counted and best.compared.loss < less * left and left > noise:
         margin = max(margin, ENOUGH * (1.0 - max(best.compared.loss - noise, 0.0) / (FAR * (left - noise))))
     if witnessed and best.counted >= WITNESSED * effects:
@@ -292,6 +295,11 @@ def _curve(first: Step, chosen: float, left: float) -> tuple[Tried | None, float
     same = [one for one in named if _of_the_same(one.name, mine) and enough(one)]
     taken = [(first.before.loss - one.judged.loss) / (first.before.loss - best.judged.loss) for one in same]
     return (None, 0.0) if max(taken, default=0.0) >= SAME_SIGNAL else (best, margin)
+
+
+def _clearly(one: Tried, present: Judged) -> bool:
+    """Whether it leaves less than the model with the effects, whatever the evidence."""
+    return sureness(present, one.judged, np.random.default_rng(SEED)) >= APART
 
 
 def _is_more_than_the_curve(curve: Tried, chosen: Sequence[str], last: Step) -> bool:

@@ -140,6 +140,19 @@ def test_a_machine_that_rolls_where_it_is_left_alone_is_not_held():
     assert not prediction.standing_held(current, speeds, 0.2).any()
 
 
+def test_a_machine_that_creeps_with_the_slope_is_not_held_and_one_whose_sensor_is_noisy_is():
+    """5 cm/s are less than a twentieth of the greatest speed, and none of them is noise."""
+    rng = np.random.default_rng(0)
+    current = np.concatenate([np.full(200, 600.0), np.zeros(400)])
+    noise = 0.02 * rng.standard_normal(600)
+    speeds = np.where(current > 0.0, 3.0, 0.0) + noise
+    assert prediction.standing_held(current, speeds, 0.2)[200:].all()
+    biased = np.where(current > 0.0, 3.0, 0.1) + noise
+    assert prediction.standing_held(current, biased, 0.2)[200:].mean() > 0.98
+    creeps = speeds - 0.5 * noise + np.where(current > 0.0, 0.0, 0.07 * np.sin(0.05 * np.arange(600)))
+    assert not prediction.standing_held(current, creeps, 0.2).any()
+
+
 def test_a_free_run_begins_again_after_a_hole_with_measured_speeds():
     chosen, (current, speeds, signals) = MODELS["second order"], recording()
     current[50] = np.nan

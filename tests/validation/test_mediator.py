@@ -106,6 +106,9 @@ def said(begun: Study, left: float, instead: float, told: float, monkeypatch, **
         (0.1, 0.1, 0.9, {"by_command": (BY_COMMAND + 0.05) * 0.9}, Through.COMMANDED),
         (0.1, 0.1, 0.9, {"by_command": (BY_COMMAND - 0.05) * 0.9}, Through.ITSELF),
         (0.1, DIRECT + 0.05, 0.9, {"by_command": 0.9}, Through.RECORDED),
+        (0.1, DIRECT + 0.05, 0.9, {"by_command": 0.9, "name": "rolling_resistance"}, Through.COMMANDED),
+        (0.1, DIRECT + 0.05, 0.9, {"by_command": 0.7, "name": "rolling_resistance"}, Through.RECORDED),
+        (NOISY + 0.05, 1.0, 0.9, {"by_command": 0.9, "name": "rolling_resistance"}, Through.COMMANDED),
     ],
 )
 def test_what_it_takes_away_tells_what_stands_behind_it(begun, left, instead, told, how, through, monkeypatch):

@@ -32,6 +32,7 @@ from cruise.validation.tried import (
     SOME,
     SURE,
     WHOLE,
+    Step,
     Tried,
     asked,
     enough,
@@ -42,13 +43,21 @@ from cruise.validation.unnamed import SPEED
 from tests.validation.driving import drive
 
 
+def word_of(first: Step, chosen: float, left: float, sure: float = 0.0) -> tuple[Tried | None, float]:
+    """The curve that has the word where the effects leave a loss `left`, above its own by so many standard errors."""
+    present = replace(first.before, raw=first.before.raw * left / first.before.loss)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(selection, "sureness", lambda *_: sure)
+        return selection._curve(first, chosen, present)
+
+
 def test_a_curve_that_leaves_far_less_error_has_the_word_with_as_much_evidence(unlisted):
     first = replace(unlisted.steps[0], background=copy(unlisted.steps[0].background))
     curve, rival = first.tried[0], next(one for one in first.tried if not one.name.startswith(UNNAMED))
     step = replace(first, tried=(curve, replace(rival, evidence=curve.evidence, gain=curve.gain)))
 
     def word(left: float) -> tuple[Tried | None, float]:
-        return selection._curve(step, curve.evidence, left)
+        return word_of(step, curve.evidence, left)
 
     loss, first.background.noise = curve.judged.loss, 0.8 * curve.judged.loss
     assert word(2.0 * loss)[0] is curve, "above the noise it leaves a sixth"
@@ -58,16 +67,16 @@ def test_a_curve_that_leaves_far_less_error_has_the_word_with_as_much_evidence(u
     assert word(1.5 * loss)[0] is curve, "nothing is left above the noise"
     assert word(1.4 * loss) == (None, 0.0), "and yet it is not much less"
     fewer = replace(first, tried=(curve, replace(rival, evidence=0.85 * curve.evidence, gain=curve.gain)))
-    assert selection._curve(fewer, 0.85 * curve.evidence, 1.4 * loss)[0] is curve, "but there is clearly more evidence"
+    assert word_of(fewer, 0.85 * curve.evidence, 1.4 * loss)[0] is curve, "but there is clearly more evidence"
     more = replace(first, tried=(curve, replace(rival, evidence=1.2 * curve.evidence, gain=curve.gain)))
-    assert selection._curve(more, 0.0, 10.0 * loss) == (None, 0.0), "there is more evidence for an effect"
-    assert selection._curve(first, 0.0, 1.25 * loss)[0] is curve, "much more evidence than for all effects"
-    assert selection._curve(first, 0.0, 1.15 * loss) == (None, 0.0), "and yet they leave hardly more"
+    assert word_of(more, 0.0, 10.0 * loss) == (None, 0.0), "there is more evidence for an effect"
+    assert word_of(first, 0.0, 1.25 * loss)[0] is curve, "much more evidence than for all effects"
+    assert word_of(first, 0.0, 1.15 * loss) == (None, 0.0), "and yet they leave hardly more"
     moved = replace(first, tried=(replace(curve, credit=0.9), rival))
-    assert selection._curve(moved, 0.0, 1.01 * loss / MEDIATED)[0] is not None
-    assert selection._curve(moved, 0.0, 0.99 * loss / MEDIATED) == (None, 0.0), "soil that nobody recorded shows there"
+    assert word_of(moved, 0.0, 1.01 * loss / MEDIATED)[0] is not None
+    assert word_of(moved, 0.0, 0.99 * loss / MEDIATED) == (None, 0.0), "soil that nobody recorded shows there"
     better = replace(rival, compared=replace(curve.judged, raw=0.99 * curve.judged.raw), sureness=SURE)
-    assert selection._curve(replace(first, tried=(curve, better)), 0.0, 10.0 * loss) == (None, 0.0), "an effect does"
+    assert word_of(replace(first, tried=(curve, better)), 0.0, 10.0 * loss) == (None, 0.0), "an effect does"
 
 
 def test_a_curve_that_leaves_more_than_the_effects_together_has_no_word_where_every_force_is_known(unlisted):
@@ -75,8 +84,8 @@ def test_a_curve_that_leaves_more_than_the_effects_together_has_no_word_where_ev
     curve = first.tried[0]
     rival = next(one for one in first.tried if not one.name.startswith(UNNAMED))
     seeing = replace(first, forces=first.before, tried=(curve, replace(rival, compared=first.before, sureness=SURE)))
-    assert selection._curve(seeing, 0.0, 1.01 * curve.judged.loss)[0] is curve
-    assert selection._curve(seeing, 0.0, 0.99 * curve.judged.loss) == (None, 0.0)
+    assert word_of(seeing, 0.0, 1.01 * curve.judged.loss)[0] is curve
+    assert word_of(seeing, 0.0, 0.99 * curve.judged.loss) == (None, 0.0)
 
 
 def test_a_cause_that_no_effect_knows_has_the_word_before_the_witness_of_all_that_happens_at_the_wheel(unlisted):
@@ -87,7 +96,7 @@ def test_a_cause_that_no_effect_knows_has_the_word_before_the_witness_of_all_tha
     def word(name: str = "sensor_bias", times: float = 1.1, left: float = 1.01, curve: Tried = curve) -> Tried | None:
         beside = replace(rival, name=name, evidence=times * curve.evidence, gain=curve.gain, sureness=SURE, credit=1.0)
         beside = replace(beside, compared=replace(curve.judged, raw=left * curve.judged.raw))
-        return selection._curve(replace(first, tried=(curve, beside)), 0.0, 1.05 * loss)[0]
+        return word_of(replace(first, tried=(curve, beside)), 0.0, 1.05 * loss)[0]
 
     assert word() is curve
     assert word("wheel_slip") is curve
@@ -103,12 +112,25 @@ def test_a_curve_that_explains_less_needs_evidence_that_no_soil_has(unlisted):
     curve = replace(first.tried[0], gain=1.01 * least, evidence=1.01 * evidence, sureness=1.01 * sure, credit=1.0)
 
     def word(**less: float) -> Tried | None:
-        return selection._curve(replace(first, tried=(replace(curve, **less),)), 0.0, first.before.loss)[0]
+        return word_of(replace(first, tried=(replace(curve, **less),)), 0.0, first.before.loss)[0]
 
     assert word() is not None
     for less in ({"gain": 0.99 * least}, {"evidence": 0.99 * evidence}, {"sureness": 0.99 * sure}):
         assert word(**less) is None
     assert word(gain=1.01 * selection.LEAST_CURVED, evidence=0.99 * evidence, sureness=0.99 * sure) is not None
+
+
+def test_a_curve_that_leaves_nothing_but_noise_need_not_leave_much_less_than_effects_that_surely_leave_more(unlisted):
+    first = unlisted.steps[0]
+    curve = first.tried[0]
+    loss, apart = curve.judged.loss, tried.APART
+    first.background.noise = 0.99 * loss
+    assert word_of(first, 0.0, 1.1 * loss, apart)[0] is curve
+    assert word_of(first, 0.0, 1.1 * loss, 0.99 * apart) == (None, 0.0)
+    assert word_of(first, 0.0, 0.99 * loss, apart) == (None, 0.0), "they leave less"
+    assert word_of(replace(first, tried=(replace(curve, credit=0.9),)), 0.0, 1.1 * loss, apart) == (None, 0.0)
+    first.background.noise = 0.9 * loss
+    assert word_of(first, 0.0, 1.1 * loss, apart) == (None, 0.0), "something else is left, such as soil"
 
 
 def test_a_curve_that_errs_less_only_by_a_little_of_something_else_has_no_word(dead_zone):

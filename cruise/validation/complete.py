@@ -13,6 +13,7 @@ from typing import Final
 
 import numpy as np
 
+from cruise.identification.explore.two_speeds import two_speeds
 from cruise.identification.preparation import driven_alone
 from cruise.recording import Recording, listed
 from cruise.signals import ASKED, INPUT, OUTPUT, PEDALS
@@ -62,6 +63,8 @@ def complete(recordings: Sequence[Recording], needed: Collection[str]) -> list[R
     spare = sorted(names.difference(needed), key=lambda name: (shares[name], name))
     notes = _not_everywhere(recordings)
     notes += [f"{name}: {why}{LEFT_OUT}: it is an answer, no cause" for name, why in answers.items()]
+    speeds = two_speeds(recordings)
+    notes += speeds.words() if speeds is not None else []
     while spare and share(names) < LEAST_KNOWN * share(names.intersection(needed)):
         name = spare.pop(0)
         names.discard(name)

@@ -36,6 +36,16 @@ def test_a_signal_with_many_holes_is_left_out_and_one_with_few_makes_holes_of_th
     assert np.isfinite(one.input).all(), "what is known of the current acts on what comes behind the hole"
 
 
+def test_an_offset_between_the_two_speeds_is_said_as_the_models_constant_takes_it():
+    wheel = np.interp(np.arange(1800), np.arange(0, 1800, 30), np.random.default_rng(4).uniform(0.0, 2.0, 60))
+    noise = 0.02 * np.random.default_rng(5).standard_normal(1800)
+    columns = {INPUT: 300.0 * wheel, "wheel_speed_mps": wheel, "pitch_deg": noise}
+    for offset_mps in (0.0, -0.05):
+        one = Recording(0.1 * np.arange(1800), {**columns, OUTPUT: wheel + offset_mps + noise}, 0.1, "a.csv")
+        (found,) = complete([one], ())
+        assert any("m/s less than wheel speed, at any speed" in note for note in found.notes) is (offset_mps < 0.0)
+
+
 def test_what_some_recordings_lack_is_said_with_their_names():
     with_it, without = recorded(), recorded()
     without = replace(without, source="b.csv", columns={INPUT: without.input, OUTPUT: without.output})

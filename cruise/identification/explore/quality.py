@@ -21,6 +21,7 @@ from scipy import ndimage, signal, stats
 
 from cruise.identification.explore.cross_correlation import CrossCorrelation
 from cruise.identification.explore.pieces import NotPossible, Piece, centred, pieces, unmoved
+from cruise.identification.explore.two_speeds import TwoSpeeds, two_speeds
 from cruise.model.prediction import runs
 from cruise.recording import Recording
 from cruise.sampling import FloatArray
@@ -125,6 +126,7 @@ class Quality:
     outlier_times_s: FloatArray
     feedback: Feedback | NotPossible
     noise: Noise | None
+    two_speeds: TwoSpeeds | None
 
     def words(self) -> list[str]:
         """Return what is wrong, in sentences."""
@@ -154,7 +156,7 @@ class Quality:
         said += self.feedback.words()
         if self.noise is not None:
             said.append(f"noise of the speed: {self.noise.std_mps:.2g} m/s ({self.noise.how})")
-        return said
+        return said + (self.two_speeds.words() if self.two_speeds is not None else [])
 
 
 def quality(
@@ -191,6 +193,7 @@ def quality(
         outlier_times_s=outlier_times_s,
         feedback=feedback(recordings, correlation),
         noise=_noise(whole),
+        two_speeds=two_speeds(recordings),
     )
 
 

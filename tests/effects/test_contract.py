@@ -64,6 +64,7 @@ SHAPES = {
         "crossover_mps": 0.1,
         "exponent": 1.6,
         "onset_pct": 10.0,
+        "stroke_share": 0.7,
     },
     "coulomb_friction": {"crossover_mps": 0.1, "breakaway_share": 0.8, "stribeck_mps": 0.2},
     "leakage": {"exponent": 0.7, "stroke_share": 0.7, "onset_bar": 30.0, "thinning": 0.8},

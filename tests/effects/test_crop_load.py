@@ -88,3 +88,12 @@ def test_a_governor_may_take_load_without_giving_way(load_pct, felt):
     assert -effect.step(0.0, 2.0, {"engine_load_pct": load_pct}, effect.start(0.0), 0.2)[0] == pytest.approx(felt)
     unknown = effect.step(0.0, 2.0, {"engine_load_pct": math.nan}, effect.start(0.0), 0.2)[0]
     assert math.isnan(unknown)
+
+
+@pytest.mark.parametrize(
+    ("share", "speed_mps", "factor"), [(0.0, 3.0, 1.0), (0.5, 3.0, 1.5), (1.0, -3.0, -2.0), (1.0, 0.75, 0.5)]
+)
+def test_a_pump_that_turns_more_slowly_with_the_engine_loses_more_at_a_great_stroke(share, speed_mps, factor):
+    effect = CropLoad(crossover_mps=0.01, stroke_share=share)
+    phi, _ = effect.step(0.0, speed_mps, {"engine_load_pct": 30.0}, effect.start(0.0), 0.2)
+    assert phi == pytest.approx(-0.3 * factor)

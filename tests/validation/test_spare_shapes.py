@@ -51,6 +51,14 @@ def limited() -> np.ndarray:
     return np.minimum(1.0, 12.0 / np.maximum(force_kn * free_mps, 1e-3))
 
 
+def slowed() -> np.ndarray:
+    """A load in m/s that takes a share of the speed: found over and over from the speed that it leaves."""
+    load = np.zeros(SAMPLES)
+    for _ in range(20):
+        load = -0.6 * LOAD_PCT / 100.0 * drive(SECONDS, SEED, DT_S, 0.0, load_mps=load).output
+    return load
+
+
 FORMS = {
     "oil_temperature": (
         {"gain": 1.0 - 0.1 * np.maximum(np.exp((40.0 - OIL_C) / 33.0) - 1.0, 0.0)},
@@ -68,6 +76,11 @@ FORMS = {
         {"engine_load_pct": LOAD_PCT},
         {},
     ),
+    "crop_load, by the stroke": (
+        {"load_mps": slowed()},
+        {"engine_load_pct": LOAD_PCT},
+        {"stroke_share": (1.0, 0.2)},
+    ),
 }
 """What is hidden, what is recorded, and the shapes that are found with how far they may be off."""
 
@@ -76,9 +89,10 @@ def base(recording: Recording) -> Study:
     return ladder.begin([recording], STRUCTURE, None, None, PERIOD_S)
 
 
-@pytest.mark.parametrize("name", FORMS)
-def test_a_form_that_is_looked_for_only_where_it_is_worth_it_is_found(name):
-    hidden, columns, shapes = FORMS[name]
+@pytest.mark.parametrize("form", FORMS)
+def test_a_form_that_is_looked_for_only_where_it_is_worth_it_is_found(form):
+    hidden, columns, shapes = FORMS[form]
+    name = form.partition(",")[0]
     begun = base(drive(SECONDS, SEED, DT_S, NOISE_MPS, columns=columns, **hidden))
     plain = begun.search.grown_from_all(begun.base.explanation, candidate_of(name, begun.recordings))
     freed = begun.search.freed(plain, name)

@@ -20,6 +20,7 @@ HELD_BACK: Final = (  # all strong but one parameter
     {"color": GREEN, "ls": (0, (1, 1))},
     {"color": RED, "ls": "--"},
     {"color": GREEN, "ls": "--"},
+    {"color": RED, "ls": "-."},
 )
 PERIOD_S: Final = 0.05  # s
 TITLE_WIDTH, NARROW = 88, "\u00a0"  # characters over a panel; the space at which no line ends

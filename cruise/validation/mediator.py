@@ -80,7 +80,8 @@ def behind(
             _more_than_many(study.search, present, mediator, direct), _by_a_power(study.search, mediator, direct)
         )
         return (Through.ITSELF, many) if many > 0.0 else (through, one.short)
-    if through in (Through.ITSELF, Through.RECORDED) and one.commanded:
+    much_told = through is Through.RECORDED and one.told(present.fit.error_mps) >= TOLD
+    if (through is Through.ITSELF or much_told) and one.commanded:
         return Through.COMMANDED, 0.0
     return through, one.short if through is Through.RECORDED else one.margin
 

@@ -108,6 +108,7 @@ def said(begun: Study, left: float, instead: float, told: float, monkeypatch, **
         (0.1, DIRECT + 0.05, 0.9, {"by_command": 0.9}, Through.RECORDED),
         (0.1, DIRECT + 0.05, 0.9, {"by_command": 0.9, "name": "rolling_resistance"}, Through.COMMANDED),
         (0.1, DIRECT + 0.05, 0.9, {"by_command": 0.7, "name": "rolling_resistance"}, Through.RECORDED),
+        (0.1, DIRECT + 0.05, TOLD - 0.05, {"by_command": TOLD, "name": "rolling_resistance"}, Through.RECORDED),
         (NOISY + 0.05, 1.0, 0.9, {"by_command": 0.9, "name": "rolling_resistance"}, Through.COMMANDED),
     ],
 )

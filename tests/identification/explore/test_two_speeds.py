@@ -50,7 +50,8 @@ def test_nothing_is_said_of_one_speed_of_a_short_drive_or_of_a_machine_that_stoo
     still = Recording(one.time_s, {**one.columns, WHEEL: np.zeros(SAMPLES)}, DT_S, "still.csv")
     alone = Recording(one.time_s, {k: v for k, v in one.columns.items() if k != WHEEL}, DT_S, "alone.csv")
     assert two_speeds([one, alone]) is None
-    assert two_speeds([one[0:1000]]) is None
+    assert two_speeds([one[0:1600]]) is None
+    assert two_speeds([one[0:1600], one[2000:3600]]) is not None, "blocks of one recording are none of another"
     assert two_speeds([still]) is None
 
 

@@ -50,11 +50,21 @@ def test_all_are_tried_anew_where_the_core_was_found_to_be_elsewhere(plain, monk
     slow = replace(present, core=replace(present.core, time_constant_s=3.0, lag_s=0.9))
     astray = plain.search.judged("", plain.search.fitted(slow, steps=1))
     assert astray.fit.cost > 1.5 * plain.base.fit.cost
+    fitted, began = trying._fitted, []
+
+    def seen(search: Search, present: Judged, *others) -> list[Fit]:
+        began.append(present.fit.cost)
+        return fitted(search, present, *others)
+
+    monkeypatch.setattr(trying, "_fitted", seen)
     step = tried(plain, astray)
     assert step.before.loss == pytest.approx(plain.base.loss, rel=0.02)
     assert min(one.gain for one in step.tried) > -0.1, "none stands where the core was"
+    assert began == [astray.fit.cost, pytest.approx(plain.base.fit.cost, rel=0.02)]
+    began.clear()
     monkeypatch.setattr(trying, "MOVED", 1.0)
-    assert min(one.gain for one in tried(plain, astray).tried) < -0.1
+    tried(plain, astray)
+    assert began == [astray.fit.cost]
     assert MOVED < 0.1
 
 

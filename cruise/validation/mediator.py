@@ -17,6 +17,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum, auto
+from functools import cached_property
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -80,8 +81,7 @@ def behind(
             _more_than_many(study.search, present, mediator, direct), _by_a_power(study.search, mediator, direct)
         )
         return (Through.ITSELF, many) if many > 0.0 else (through, one.short)
-    much_told = through is Through.RECORDED and one.told(present.fit.error_mps) >= TOLD
-    if (through is Through.ITSELF or much_told) and one.commanded:
+    if through in (Through.ITSELF, Through.RECORDED) and one.commanded:
         return Through.COMMANDED, 0.0
     return through, one.short if through is Through.RECORDED else one.margin
 
@@ -160,14 +160,20 @@ class _Against:
     @property
     def short(self) -> float:
         """The margin where it is below zero, if all that is in its way is that others explain a little too much."""
-        noisy = self.first and MEDIATED < self.left <= NOISY and self.told(self.present.fit.error_mps) >= TOLD
+        noisy = self.first and MEDIATED < self.left <= NOISY and self.foretold >= TOLD
         return min(self.margin, 0.0) if noisy else 0.0
+
+    @cached_property
+    def foretold(self) -> float:
+        """R^2 of what it takes away from the present error, by all signals."""
+        return self.told(self.present.fit.error_mps)
 
     @property
     def commanded(self) -> bool:
-        """Whether the current alone foretells what it takes away: no slope, load or soil has a part in it."""
-        error_mps = self.present.fit.error_mps
-        return self.told(error_mps, INPUT) >= BY_COMMAND * self.told(error_mps)
+        """Whether much is foretold, and the current alone does it: no slope, load or soil has a part in it."""
+        if self.foretold < TOLD:
+            return False
+        return self.told(self.present.fit.error_mps, INPUT) >= BY_COMMAND * self.foretold
 
     def told(self, error_mps: np.ndarray, by: str = "") -> float:
         """R^2 that signals foretell of what it takes away from an error, all of them or `by` one."""
@@ -186,14 +192,14 @@ class _Against:
         if self.direct.loss - self.mediator.loss > beyond and self.told(self.direct.fit.error_mps) >= TOLD_BESIDE:
             return Through.ITSELF
         by_force = self.instead if _has_a_signal_of_its_own(self.direct.candidate) else 0.0
-        recorded = by_force >= TOLD or self.told(self.present.fit.error_mps) >= TOLD
+        recorded = by_force >= TOLD or self.foretold >= TOLD
         return Through.ITSELF if recorded else self._untold()
 
     def _beside_noise(self) -> Through:
         """Where noise is most of what it leaves: it has to be lonely."""
         if self.margin <= 0.0:
             return Through.RECORDED
-        if self.told(self.present.fit.error_mps) >= TOLD:
+        if self.foretold >= TOLD:
             return Through.ITSELF
         return self._untold() if self.left <= UNSEEN else Through.RECORDED
 
@@ -206,8 +212,7 @@ class _Against:
         if not (nameless and self.instead > DIRECT and unknown(signal)):
             return False
         least, most = ALONE  # the curve's form may be wrong
-        error_mps = self.present.fit.error_mps
-        return self.told(error_mps, signal) >= max(least, most * self.told(error_mps))
+        return self.told(self.present.fit.error_mps, signal) >= max(least, most * self.foretold)
 
     def _untold(self) -> Through:
         """Where nothing foretells the force: where no slope is recorded, any slope is such a one."""

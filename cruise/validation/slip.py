@@ -17,11 +17,11 @@ from typing import Final
 
 import numpy as np
 
+from cruise.identification.explore.two_speeds import WHEEL, compared
 from cruise.recording import Recording
 from cruise.signals import OUTPUT
 from cruise.validation.means import sums_beside
 
-WHEEL: Final = "wheel_speed_mps"
 MEAN_S: Final = 2.0  # s
 FEWEST: Final = 20  # means, below which nothing is said
 FINE_S: Final = 0.2  # s of the means in which a bias and slip are told apart,
@@ -35,19 +35,13 @@ def slip_mps(recordings: Sequence[Recording]) -> float:
     """RMS in m/s; 0 where the wheels' speed is not recorded, or where the sensors' noise may be all of it."""
     rows, ground, scatter, size = [], [], [], 1
     for one in recordings:
-        if WHEEL not in one.columns:
+        both = compared(one, MEAN_S)
+        if both is None:
             return 0.0
-        size = max(round(MEAN_S / one.dt_s), 2)
-        count = len(one) // size
-        wheel, lost = (
-            values[: count * size].reshape(count, size)
-            for values in (one.columns[WHEEL], one.columns[OUTPUT] - one.columns[WHEEL])
-        )
-        known = np.isfinite(lost).all(axis=1)
-        wheel, lost = wheel[known], lost[known]
-        rows.append(np.column_stack([np.ones(len(wheel)), wheel.mean(axis=1), wheel[:, -1] - wheel[:, 0]]))
-        ground.append(lost.mean(axis=1))
-        scatter.append(np.diff(lost, axis=1).ravel())
+        size = both.size
+        rows.append(both.columns)
+        ground.append(both.more_mps.mean(axis=1))
+        scatter.append(np.diff(both.more_mps, axis=1).ravel())
     columns, lost = np.concatenate(rows), np.concatenate(ground)
     if len(lost) < FEWEST:
         return 0.0

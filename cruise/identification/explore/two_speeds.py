@@ -11,6 +11,7 @@ Source: additive and multiplicative sensor faults, R. Isermann, Fault-Diagnosis 
 clustered errors, any textbook of econometrics.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -52,25 +53,42 @@ class TwoSpeeds:
         ]
 
 
+@dataclass(frozen=True, eq=False)
+class Compared:
+    """Means of a recording in which both speeds were measured throughout, M of `size` samples each."""
+
+    size: int
+    place: np.ndarray  # (M,) which of all means
+    columns: np.ndarray  # (M, 3) 1, v_w in m/s, and what v_w gains within the mean
+    more_mps: np.ndarray  # (M, size) what ground speed reads more than wheel speed
+
+
+def compared(one: Recording, mean_s: float) -> Compared | None:
+    """The two speeds of a recording in means of so many seconds; None where the wheels' is not recorded."""
+    if WHEEL not in one.columns:
+        return None
+    size = max(round(mean_s / one.dt_s), 2)
+    count = len(one) // size
+    wheel, more = (
+        values[: count * size].reshape(count, size) for values in (one.columns[WHEEL], one.output - one.columns[WHEEL])
+    )
+    place = np.flatnonzero(np.isfinite(more).all(axis=1))
+    wheel = wheel[place]
+    columns = np.column_stack([np.ones(len(place)), wheel.mean(axis=1), wheel[:, -1] - wheel[:, 0]])
+    return Compared(size, place, columns, more[place])
+
+
 def two_speeds(recordings: Sequence[Recording]) -> TwoSpeeds | None:
     """Compare the two speeds where both were measured; None where they were not, hardly moved, or not for long."""
     rows, differences, blocks, begun = [], [], [], 0
     for one in recordings:
-        if WHEEL not in one.columns:
+        both = compared(one, MEAN_S)
+        if both is None:
             return None
-        size = max(round(MEAN_S / one.dt_s), 2)
-        count = len(one) // size
-        wheel, more = (
-            values[: count * size].reshape(count, size)
-            for values in (one.columns[WHEEL], one.output - one.columns[WHEEL])
-        )
-        known = np.isfinite(more).all(axis=1)
-        block = begun + (np.arange(count) * size * one.dt_s // BLOCK_S).astype(int)
-        begun = int(block[-1]) + 1 if count else begun
-        wheel, more = wheel[known], more[known]
-        rows.append(np.column_stack([np.ones(len(wheel)), wheel.mean(axis=1), wheel[:, -1] - wheel[:, 0]]))
-        differences.append(more.mean(axis=1))
-        blocks.append(block[known])
+        rows.append(both.columns)
+        differences.append(both.more_mps.mean(axis=1))
+        blocks.append(begun + (both.place * both.size * one.dt_s // BLOCK_S).astype(int))
+        begun += math.ceil(len(one) * one.dt_s / BLOCK_S)
     x, difference, block = np.concatenate(rows), np.concatenate(differences), np.concatenate(blocks)
     if len(np.unique(block)) < FEWEST_BLOCKS or np.ptp(x[:, 1]) <= CONSTANT * np.abs(x[:, 1]).max():
         return None

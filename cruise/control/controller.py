@@ -115,6 +115,7 @@ class Controller:
         self.trend = Trend(settings.predictive.trend_s, self.frame_s)
         self.slope: SlopeObserver | None = None  # where the model knows slopes
         self.state: ModelState | None = None
+        self.pace = 1.0  # by which its gear slows the drive, at most 1
         self.current_ma = math.nan  # as measured last
         self.wanted_ma = 0.0  # current that the shaper moves to
         self.wanted_mps = 0.0  # what drive and loads shall give together
@@ -259,7 +260,7 @@ class Controller:
                 self.slope.restart()
         signals = {**sample.signals, OUTPUT: self.observer.speed_mps}
         if self.slope is not None:
-            signals["pitch_deg"] = self.slope.step(signals["pitch_deg"], self.observer.speed_mps)
+            signals["pitch_deg"] = self.slope.step(signals["pitch_deg"], self.observer.speed_mps, self.pace)
         self.signals = signals
         state = model.apply(self.state, sample.current_ma, signals)
         # Equation 12 at the period of the frames: at that of the model it would be half a time constant too slow.

@@ -29,7 +29,7 @@ from cruise.signals import Signals
 class InversionSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """How far the hysteresis is undone."""
 
-    hysteresis_share: Annotated[float, msgspec.Meta(ge=0, le=1)] = 1.0  # k; the rest is left to the observer
+    hysteresis_share: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.9  # k; the rest is left to the observer
     turn_ma: Positive = 25.0  # e, mA: a wish that turns by less is noise
     lasting_s: Positive = 2.0  # tau, s: a wish that lacks something for longer is none
     borne_ma: Annotated[float, msgspec.Meta(ge=0)] = 4.0  # b, mA that it may lack

@@ -72,7 +72,7 @@ class ObserverSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
     brisk_s: Positive = 0.5  # tau_m, s over which the rate is seen, and what lasts of the innovations
     pace_share: Positive = 0.25  # kappa: fourth gear is slowed to a seventh, give or take a factor of 1.6
     pace_s: Positive = 5.0  # tau, s: a pressure is kept for about as long
-    width_share: Positive = 0.5  # one standard deviation of h: a width that is learned in the field errs by as much
+    width_share: Positive = 0.8  # one standard deviation of h: it may as well be none as that of the model
     width_s: Positive = 1800.0  # tau_h, s: what makes a width, oil and wear, changes more slowly
 
 

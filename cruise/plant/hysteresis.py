@@ -1,10 +1,12 @@
 """Static hysteresis of the control spool: Bouc-Wen friction, driven by the current instead of by time.
 
-    u_effective = u - w z,    w dz/du = 1 - |z| (beta sign(z du) + 1 - beta),    |z| <= 1
+    u_effective = u - w z,    w dz/du = A (1 - |z| (beta sign(z du) + 1 - beta)),    A = 1 / (2 beta),    |z| <= 1
 
 u current [mA], w half width of the loop [mA], z friction's share of its limit [-], beta shape [-]: 1 - beta is the
-part of the friction that does not depend on the direction. Independent of rate, hence static. The equation
-is linear in z between sign changes of z and du, so that a step of any size is solved exactly.
+part of the friction that does not depend on the direction. A stiffness [-]: the greatest with which friction holds a
+spool where it is when the current turns around, dz/du = 1 / w at |z| = 1, and never moves it against the current.
+Independent of rate, hence static. The equation is linear in z between sign changes of z and du, so that a step of any
+size is solved exactly.
 
 Source: Y.K. Wen, J. Eng. Mech. Div. ASCE 102 (1976) 249-263, with n = 1; hysteresis of proportional valves without
 position feedback 3 to 8 % of the range (data sheets; the paper, section I.A, names a static hysteresis).
@@ -31,7 +33,7 @@ def advance(settings: HysteresisSettings, friction: float, change_ma: float) -> 
     if change_ma == 0.0 or width_ma == 0.0:
         return friction
     direction = copysign(1.0, change_ma)
-    travel = abs(change_ma) / width_ma
+    travel = abs(change_ma) / (2.0 * settings.shape * width_ma)
     z = friction * direction
     if z < 0.0:
         slope = 2.0 * settings.shape - 1.0

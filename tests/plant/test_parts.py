@@ -49,11 +49,24 @@ def test_friction_follows_the_bouc_wen_equation(shape: float) -> None:
         sign = np.sign(end_ma - start_ma)
 
         def slope(_: float, value: np.ndarray, sign: float = sign) -> np.ndarray:
-            return sign * (1.0 - abs(value) * (shape * np.sign(value * sign) + 1.0 - shape)) / 20.0
+            return sign * (1.0 - abs(value) * (shape * np.sign(value * sign) + 1.0 - shape)) / (2.0 * shape * 20.0)
 
         reference = solve_ivp(slope, (0.0, abs(end_ma - start_ma)), [z], rtol=1e-9, atol=1e-12, max_step=0.1)
         z = hysteresis.advance(settings, z, end_ma - start_ma)
         assert z == pytest.approx(reference.y[0, -1], abs=1e-5)
+
+
+@given(st.floats(-1, 1), st.floats(-300, 300), st.floats(0.5, 1))
+def test_friction_holds_the_spool_and_never_moves_it_against_the_current(z: float, change_ma: float, shape: float):
+    settings = HysteresisSettings(half_width_ma=20.0, shape=shape)
+    moved_ma = change_ma - 20.0 * (hysteresis.advance(settings, z, change_ma) - z)
+    assert moved_ma * np.sign(change_ma) >= -1e-9
+
+
+@pytest.mark.parametrize("shape", [0.5, 0.7, 1.0])
+def test_a_spool_stands_where_the_current_turns_around(shape: float) -> None:
+    settings = HysteresisSettings(half_width_ma=20.0, shape=shape)
+    assert 1.0 - 20.0 * (hysteresis.advance(settings, -1.0, 1.0) + 1.0) == pytest.approx(0.0, abs=0.03)
 
 
 @given(st.floats(-1, 1), st.floats(-300, 300), st.floats(0, 1))

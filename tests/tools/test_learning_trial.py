@@ -74,7 +74,7 @@ def test_a_hand_over_that_bumps_is_seen(monkeypatch):
     for k in range(400):
         sample = Sample(FRAME_S * k, current_ma, 1.2, signals)
         if k == 300:
-            learner.controller.adopt(weaker(FACTORY, 0.8))
+            learner.controller.adopt(weaker(FACTORY, 0.4))
         sent_ma = learner.step(sample, 1.2 if k > 100 else None)
         current_ma = sent_ma if k > 100 else current_ma
     assert abs(learner.controller.bumps_ma[0]) > hours.BUMP_MA
@@ -100,13 +100,13 @@ def test_a_model_that_may_not_drive_never_does_however_well_it_predicts(monkeypa
 
 
 def test_the_trial_sees_a_learner_that_drives_worse(monkeypatch):
-    """Without proof, and with an estimator that is wrong by half: the figures say so."""
+    """Without proof, and with an estimator that is wrong by more than half: the figures say so."""
 
     def believe(self, *arguments) -> Iterator[Finding]:
         yield Finding("", {"gain_margin": 1.0, "phase_margin_deg": 0.0} | dict.fromkeys(list(hours.MARGINS)[2:], 0.0))
 
     monkeypatch.setattr(proof.Proof, "__call__", believe)
-    monkeypatch.setattr("cruise.estimation.estimator.Estimator.snapshot", lambda self: weaker(FACTORY, 0.48))
+    monkeypatch.setattr("cruise.estimation.estimator.Estimator.snapshot", lambda self: weaker(FACTORY, 0.4))
     monkeypatch.setattr("cruise.estimation.shadow.Shadow._error_mps", lambda self: float(self.model is FACTORY))
     figures = {one.key: one for one in driven(Adaptive(FACTORY, CONTROL, SUPERVISION), 100.0).figures(ProofSettings())}
     assert figures["worst_above_mps"].missed

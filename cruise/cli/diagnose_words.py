@@ -26,8 +26,8 @@ from cruise.report.diagnosis import (
     figure,
     forces,
     hidden,
-    late,
     look_alikes,
+    of_the_core,
     sentence,
     span,
 )
@@ -104,7 +104,7 @@ def say(
             f"{figure(own.refitted_mps)}: its parameters are wrong here, no effect is missing",
             0,
         )
-    for line in (_called(called or {}, study.recordings[0].input_unit), *hints(found), late(found)):
+    for line in (_called(called or {}, study.recordings[0].input_unit), *hints(found), *of_the_core(found)):
         if line:
             _print(console, line, 0)
     few = (

@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 
 from cruise.effects import EFFECTS, Stage
+from cruise.effects.stroke import USUAL_MPS
 from cruise.report import evidence
 from cruise.report.evidence import OWN_SPEED, SURE, Number, signal_of
 from cruise.validation.candidates import MEDIATORS, UNNAMED
@@ -267,11 +268,23 @@ def _all(names: Sequence[str], word: str = "and") -> str:
     return f" {word} ".join([", ".join(quoted[:-1]), quoted[-1]]) if len(quoted) > 1 else "".join(quoted)
 
 
-def late(found: Diagnosis) -> str:
-    """What to think of where the dead time is so long that the model's taps have to hold it, or the drive so quick.
+def of_the_core(found: Diagnosis) -> list[str]:
+    """What the core holds that is no effect, and what to think of a drive that is very late, or very quick."""
+    return [line for line in (_yields(found), _late(found)) if line]
 
-    Empty where neither is so.
-    """
+
+def _yields(found: Diagnosis) -> str:
+    share = found.final.explanation.core.stroke_share
+    if not share:
+        return ""
+    return (
+        f"the drive gives way to forces by its stroke, {100.0 * share:.0f} % of how far it does at {USUAL_MPS:g} m/s: "
+        "the further its pump is out, the slower it answers and the more a slope takes. The model holds that "
+        "(stroke_share), and nothing is missing by it"
+    )
+
+
+def _late(found: Diagnosis) -> str:
     core = found.base.explanation.core
     quickest_s = {name: QUICK * CORE[name].low for name in ("lag_s", "second_lag_s", "time_constant_s")}
     if all(getattr(core, name) < low_s for name, low_s in quickest_s.items()):

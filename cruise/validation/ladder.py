@@ -113,7 +113,7 @@ def add(study: Study, effect: str | Custom, show: Show = lambda text: None) -> A
     show(f"fitting with {name}")
     grown = search.freed(search.grown(base.explanation, known), name)
     alone = search.judged(name, search.settled(grown))
-    after = _drivable(search, search.served(search.grounded(search.all_freed(alone))))
+    after = _drivable(search, search.sufficient(search.grounded(search.all_freed(alone))))
     terms = [one for one in after.explanation.effects if isinstance(one, Custom)]
     undefined = [one.name for one in terms if not defined(one, study.recordings)]
     if undefined:

@@ -41,6 +41,10 @@ SERVO_LAGS_S: Final = (0.05, 0.03)  # likewise, of the lags beside it
 SERVO_GAIN: Final = 0.03  # of the held-out loss, that the pair must take away,
 SERVO_SURE: Final = 2.0  # and by so many standard errors
 SERVO_SEED: Final = 0  # of the bootstrap that says so
+STROKE_SHARE: Final = 0.5  # from which the fit of a drive that yields by its stroke begins,
+STROKE_SURE: Final = 3.0  # likewise,
+STROKE_GAIN: Final = 0.1
+STROKE_ALONE: Final = 0.5  # before anything was looked for: slip, droop and braking are a little like it
 GROUND_GAIN: Final = 0.05  # likewise, of the current at rest,
 GROUND_SURE: Final = 3.0
 SPARE_BEGINS: Final = (0.5, 0.02)  # of the way from a spare shape's neutral value to its far bound: where fits begin,
@@ -142,6 +146,23 @@ class Search:
             return present
         sure = sureness(present, judged, np.random.default_rng(SERVO_SEED)) >= SERVO_SURE
         return judged if sure and gain(present, judged) >= SERVO_GAIN else present
+
+    def yielding(self, present: Judged, least: float) -> Judged:
+        """The same with a drive that gives way by a share of its stroke, where that takes `least` of the loss.
+
+        Such a drive is the slower the further its pump is out, and loses the more to a slope: `cruise.model.core`.
+        """
+        core = present.explanation.core
+        if core.stroke_share:
+            return present
+        begun = replace(present.explanation, core=replace(core, stroke_share=STROKE_SHARE))
+        judged = self.judged(present.candidate, self.fitted(begun))
+        sure = sureness(present, judged, np.random.default_rng(SERVO_SEED)) >= STROKE_SURE
+        return judged if sure and gain(present, judged) >= least else present
+
+    def sufficient(self, present: Judged, least: float = STROKE_GAIN) -> Judged:
+        """The same with all that its core lacks."""
+        return self.yielding(self.served(present), least)
 
     def grounded(self, present: Judged) -> Judged:
         """The same with the current about which its gains turn the drive, where it errs clearly less with it.

@@ -84,7 +84,7 @@ def tried_beside(
     """
     search = study.search
     if chosen and effort is THOROUGH:  # what was missing may have hidden that the core, or a shape of an effect, is
-        present = search.all_freed(search.served(search.grounded(of_the_best_kind(study, present))))
+        present = search.all_freed(search.sufficient(search.grounded(of_the_best_kind(study, present))))
     fits = _fitted(search, present, everyone, chosen, show, effort, known)
     before = present.fit
     if fits:  # the best fit's core may be a better start for what is there, too

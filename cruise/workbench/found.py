@@ -226,7 +226,7 @@ class Diagnosed:
     next_experiment: tuple[str, ...]
     hints: tuple[str, ...]  # columns that may be a signal which an effect lacked
     discounted: str  # why not all that a candidate explains counts
-    late: str  # what to do where the dead time is much longer than the model's; or empty
+    core: tuple[str, ...]  # what the core holds that is no effect, and what to do where the drive is very late
     hidden_mps: float  # what an effect could move the speed by without being named
     cards: tuple[Card, ...]
     others: tuple[tuple[str, float, float], ...]  # further effects with the error that each leaves, and its gain

@@ -156,7 +156,7 @@ def diagnosed(recordings: Sequence[Recording], question: Question, show: Show) -
         next_experiment=tuple(one.replace("`", "") for one in diagnosis.experiments(found)),
         hints=tuple(one.replace("`", "") for one in mapping.hints(found)),
         discounted=diagnosis.discounted(found),
-        late=diagnosis.late(found),
+        core=tuple(diagnosis.of_the_core(found)),
         hidden_mps=math.sqrt(diagnosis.hidden_share(found)) * before,
         cards=tuple(cards.card(found, one) for one in shown),
         others=tuple(

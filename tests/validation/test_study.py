@@ -1,5 +1,6 @@
 """A study lays recordings out and fits the model to them, or says in words what is in the way."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,7 @@ from cruise.identification.regressors import FitError
 from cruise.identification.structures import parse
 from cruise.model.model import Model
 from cruise.recording import Recording
+from cruise.report.diagnosis import of_the_core
 from cruise.signals import INPUT, OUTPUT
 from cruise.validation.candidates import DelayCandidate, EffectCandidate, ResonanceCandidate
 from cruise.validation.diagnose import Verdict, diagnose
@@ -226,21 +228,36 @@ def test_the_pair_is_found_where_an_effect_hid_that_it_is_there(monkeypatch):
     assert found.final.explanation.core.servo_hz == pytest.approx(0.9, rel=0.15), "it trades with the lags"
 
 
-def test_what_a_file_knows_of_how_the_drive_yields_is_fitted_on():
-    """A drive whose time constant rises with its stroke, T (0.4 + 0.6 w / 1.5 m/s), by a recursion of its own."""
+def yielding_drive(share: float = 0.6) -> Recording:
+    """A drive whose time constant rises with its stroke, T (1 - s + s w / 1.5 m/s), by a recursion of its own."""
     plain = drive(300.0, noise_mps=0.0)
     felt = GAIN * lagged(np.repeat(plain.input, 10), 0.2)
     speed, found = 0.0, []
     for drive_mps in felt.tolist():
-        speed += (1.0 - np.exp(-0.01 / (0.6 * (0.4 + 0.6 * drive_mps / 1.5)))) * (drive_mps - speed)
+        speed += (1.0 - np.exp(-0.01 / (0.6 * (1.0 - share + share * drive_mps / 1.5)))) * (drive_mps - speed)
         found.append(speed)
     noise = 0.005 * np.random.default_rng(1).standard_normal(len(plain))
-    driven = changed(plain, **{OUTPUT: np.array(found)[9::10] + noise})
+    return changed(plain, **{OUTPUT: np.array(found)[9::10] + noise})
+
+
+def test_what_a_file_knows_of_how_the_drive_yields_is_fitted_on(monkeypatch):
+    driven = yielding_drive()
     file = Model(PERIOD_S, 1, 3, 1, (), (0.7, 1e-4, 3e-4, 3e-4, 0.0), stroke_share=0.3)
     knowing = study([driven], PLAIN, file, PERIOD_S)
     assert knowing.base.explanation.core.stroke_share == pytest.approx(0.6, abs=0.08)
-    assert knowing.base.loss < 0.5 * study([driven], PLAIN, replace(file, stroke_share=0.0), PERIOD_S).base.loss
     assert discrete(knowing, knowing.base).stroke_share == knowing.base.explanation.core.stroke_share
+    monkeypatch.setattr("cruise.validation.study.STROKE_ALONE", 1.0)
+    assert knowing.base.loss < 0.5 * study([driven], PLAIN, replace(file, stroke_share=0.0), PERIOD_S).base.loss
+
+
+def test_a_drive_that_yields_by_its_stroke_is_the_cores_and_no_effect(plain):
+    one = study([yielding_drive()], PLAIN, None, PERIOD_S)
+    assert one.base.explanation.core.stroke_share == pytest.approx(0.6, abs=0.08)
+    found = diagnose(one)
+    assert found.verdict is Verdict.NOTHING
+    (said,) = of_the_core(found)
+    assert re.match(r"the drive gives way to forces by its stroke, (5[2-9]|6[0-8]) % of how far it does at 1\.5", said)
+    assert plain.base.explanation.core.stroke_share == 0.0
 
 
 def test_columns_that_not_all_recordings_have_are_left_out():

@@ -62,7 +62,7 @@ def diagnosed_as(verdict: str, *effects: str) -> Diagnosed:
     )  # fmt: skip
     return Diagnosed(
         horizon_s=3.0, verdict=verdict, explained=True, effects=effects, signals=(), sentence="", next_experiment=(),
-        hints=(), discounted="", late="", hidden_mps=0.01, cards=cards, others=(), refused=(), error_before_mps=0.2,
+        hints=(), discounted="", core=(), hidden_mps=0.01, cards=cards, others=(), refused=(), error_before_mps=0.2,
         error_after_mps=0.1, floor_mps=(0.01, 0.02), minute=Minute(x, x, x, x, ""), picture=b"",
     )  # fmt: skip
 

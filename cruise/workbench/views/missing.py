@@ -118,9 +118,10 @@ def _verdict(page: Page, found: Diagnosed) -> None:
                 f"{speed(found.hidden_mps)} m/s RMS would not have been named. The candidates below came nearest; none "
                 "is to be believed."
             ).classes("measure")
-    if found.late:
-        with card("The dead time"):
-            ui.label(f"{found.late[:1].upper()}{found.late[1:]}.").classes("measure")
+    if found.core:
+        with card("The drive itself"):
+            for said in found.core:
+                ui.label(f"{said[:1].upper()}{said[1:]}.").classes("measure")
     undecided = found.verdict in ("unlisted", "ambiguous") or (found.verdict == "missing" and not found.explained)
     if undecided and found.next_experiment:
         with card("The drive that tells"):

@@ -143,8 +143,9 @@ def test_a_drive_that_is_as_quick_as_a_core_may_be_is_said_to_be(hills):
     core = replace(fit.explanation.core, lag_s=0.0201, second_lag_s=0.005, time_constant_s=0.0301)
     layout = replace(fit.layout, start=replace(fit.explanation, core=core), slots=())
     quick = replace(hills, base=replace(hills.base, fit=replace(fit, layout=layout, vector=np.zeros(0))))
-    assert diagnosis.late(quick).startswith("the drive answers within 0.055 s, as quickly as a core may be here: ")
-    assert diagnosis.late(hills) == ""
+    (said_of_it,) = diagnosis.of_the_core(quick)
+    assert said_of_it.startswith("the drive answers within 0.055 s, as quickly as a core may be here: ")
+    assert diagnosis.of_the_core(hills) == []
 
 
 def test_a_curve_that_takes_much_and_is_not_believed_comes_with_what_it_would_have_to_take(hills, capsys):

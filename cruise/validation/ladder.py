@@ -25,7 +25,7 @@ from cruise.validation.explanation import Explanation
 from cruise.validation.judged import Judged
 from cruise.validation.noise_floor import NoiseFloor, noise_floor
 from cruise.validation.numbers import numbers
-from cruise.validation.search import FOLDS, Search
+from cruise.validation.search import FOLDS, STROKE_GAIN, Search
 from cruise.validation.simulation import WARM_UP_S
 from cruise.validation.study import Show, Study, candidate, discrete, study
 from cruise.validation.terms import check_term, defined, term_candidate
@@ -113,7 +113,7 @@ def add(study: Study, effect: str | Custom, show: Show = lambda text: None) -> A
     show(f"fitting with {name}")
     grown = search.freed(search.grown(base.explanation, known), name)
     alone = search.judged(name, search.settled(grown))
-    after = _drivable(search, search.sufficient(search.grounded(search.all_freed(alone))))
+    after = _drivable(search, search.sufficient(search.grounded(search.all_freed(alone)), STROKE_GAIN))
     terms = [one for one in after.explanation.effects if isinstance(one, Custom)]
     undefined = [one.name for one in terms if not defined(one, study.recordings)]
     if undefined:

@@ -43,8 +43,8 @@ SERVO_SURE: Final = 2.0  # and by so many standard errors
 SERVO_SEED: Final = 0  # of the bootstrap that says so
 STROKE_SHARE: Final = 0.5  # from which the fit of a drive that yields by its stroke begins,
 STROKE_SURE: Final = 3.0  # likewise,
-STROKE_GAIN: Final = 0.1
-STROKE_ALONE: Final = 0.5  # before anything was looked for: slip, droop and braking are a little like it
+STROKE_LOOKED_FOR: Final = 0.5  # while effects are looked for: slip, droop and friction are a little like it
+STROKE_GAIN: Final = 0.1  # of a model that is kept
 GROUND_GAIN: Final = 0.05  # likewise, of the current at rest,
 GROUND_SURE: Final = 3.0
 SPARE_BEGINS: Final = (0.5, 0.02)  # of the way from a spare shape's neutral value to its far bound: where fits begin,
@@ -160,7 +160,7 @@ class Search:
         sure = sureness(present, judged, np.random.default_rng(SERVO_SEED)) >= STROKE_SURE
         return judged if sure and gain(present, judged) >= least else present
 
-    def sufficient(self, present: Judged, least: float = STROKE_GAIN) -> Judged:
+    def sufficient(self, present: Judged, least: float = STROKE_LOOKED_FOR) -> Judged:
         """The same with all that its core lacks."""
         return self.yielding(self.served(present), least)
 

@@ -24,7 +24,7 @@ from cruise.validation.complete import complete
 from cruise.validation.explanation import PUSHED_S, START, Explanation
 from cruise.validation.judged import Judged
 from cruise.validation.line_pressure import force_of_a_bar
-from cruise.validation.search import AT_BOUND, STROKE_ALONE, Search
+from cruise.validation.search import AT_BOUND, Search
 from cruise.validation.simulation import JUDGED_S, WARM_UP_S, Scene, paced
 from cruise.validation.told import BY_SLOPE, kinds_of
 
@@ -117,7 +117,7 @@ def study(
     if effects:
         show("fitting all together")
         found = search.settled(found) if file else search.regrown(found)
-    base = search.sufficient(search.judged("", found), STROKE_ALONE)
+    base = search.sufficient(search.judged("", found))
     return Study(tuple(prepared), search, base, horizon_s, structure.delay_s)
 
 

@@ -52,6 +52,22 @@ def test_the_acceleration_in_a_pitch_sensor_is_not_fed_back(share):
     assert np.abs(driven(knows, share) - driven(MODEL, 0.0)).max() < 6.0
 
 
+def test_the_noise_of_a_pitch_sensor_is_less_of_a_slope_in_a_fast_gear():
+    """As it would move the machine for as much longer there."""
+    model = Model(PERIOD_S, 1, 3, 2, (*EFFECTS, Grade(0.0, 1.0, 0.4)), (0.4, 2e-4, 8e-4, 8e-4, 0.06, 0.02))
+
+    def spread(gear: float) -> float:
+        controller, rng, found = Controller(model, ControlSettings()), np.random.default_rng(0), []
+        for k in range(400):
+            signals = {"engine_speed_rpm": 2100.0, "gear": gear, "pitch_deg": 0.11 * rng.standard_normal()}
+            controller.step(Sample(FRAME_S * k, 700.0, 1.2 + 0.01 * rng.standard_normal(), signals), None)
+            found.append(controller.signals["pitch_deg"])
+        return float(np.std(found[100:]))
+
+    assert spread(4.0) < 0.6 * spread(2.0)
+    assert spread(1.0) == pytest.approx(spread(2.0), rel=0.1)
+
+
 def test_a_power_limit_that_looks_at_the_pitch_sees_the_slope_once():
     """Its own share of the acceleration is of the pitch as shown; where `grade` has it taken out, none is left."""
 

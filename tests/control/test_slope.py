@@ -65,6 +65,11 @@ def test_a_gear_that_is_changed_keeps_what_is_known():
     np.testing.assert_allclose(seen, 3.0, atol=1e-9)
 
 
+def test_no_gear_is_slower_than_slow():
+    level = np.zeros(len(TIME_S))
+    np.testing.assert_array_equal(seen_deg(1.0, level, level, pace=2.0), seen_deg(1.0, level, level))
+
+
 def test_it_begins_with_what_is_seen_first():
     observer = SlopeObserver(1.0, FRAME_S, SPEED_NOISE_MPS)
     assert math.isnan(observer.pull_mps2)

@@ -40,11 +40,11 @@ SERVO_HZ: Final = (0.8, 1.8)  # from which the fit of a servo with a pair of pol
 SERVO_LAGS_S: Final = (0.05, 0.03)  # likewise, of the lags beside it
 SERVO_GAIN: Final = 0.03  # of the held-out loss, that the pair must take away,
 SERVO_SURE: Final = 2.0  # and by so many standard errors
-SERVO_SEED: Final = 0  # of the bootstrap that says so
-STROKE_SHARE: Final = 0.5  # from which the fit of a drive that yields by its stroke begins,
-STROKE_SURE: Final = 3.0  # likewise,
-STROKE_LOOKED_FOR: Final = 0.5  # while effects are looked for: slip, droop and friction are a little like it
-STROKE_GAIN: Final = 0.1  # of a model that is kept
+SURE_SEED: Final = 0  # of the bootstrap that says how sure that is
+STROKE_SHARE: Final = 0.5  # from which the fit of a drive that yields by its stroke begins: leakage and pump half each
+STROKE_GAIN: Final = 0.1  # of the held-out loss, that this must take away where a model is kept,
+STROKE_LOOKED_FOR: Final = 0.5  # while effects are looked for (slip, droop and friction are a little like it),
+STROKE_SURE: Final = 3.0  # and by so many standard errors
 GROUND_GAIN: Final = 0.05  # likewise, of the current at rest,
 GROUND_SURE: Final = 3.0
 SPARE_BEGINS: Final = (0.5, 0.02)  # of the way from a spare shape's neutral value to its far bound: where fits begin,
@@ -144,8 +144,7 @@ class Search:
         rings = served.servo_damping < (1.0 + AT_BOUND) * CORE["servo_damping"].low
         if late or rings or served.servo_hz < (1.0 + AT_BOUND) * CORE["servo_hz"].low:
             return present
-        sure = sureness(present, judged, np.random.default_rng(SERVO_SEED)) >= SERVO_SURE
-        return judged if sure and gain(present, judged) >= SERVO_GAIN else present
+        return _clearly_less(present, judged, SERVO_GAIN, SERVO_SURE)
 
     def yielding(self, present: Judged, least: float) -> Judged:
         """The same with a drive that gives way by a share of its stroke, where that takes `least` of the loss.
@@ -157,8 +156,7 @@ class Search:
             return present
         begun = replace(present.explanation, core=replace(core, stroke_share=STROKE_SHARE))
         judged = self.judged(present.candidate, self.fitted(begun))
-        sure = sureness(present, judged, np.random.default_rng(SERVO_SEED)) >= STROKE_SURE
-        return judged if sure and gain(present, judged) >= least else present
+        return _clearly_less(present, judged, least, STROKE_SURE)
 
     def sufficient(self, present: Judged, least: float = STROKE_LOOKED_FOR) -> Judged:
         """The same with all that its core lacks."""
@@ -174,8 +172,7 @@ class Search:
         if not turns or _on_the_line(present.explanation):
             return present
         judged = self.judged(present.candidate, self.fitted(with_effect(present.explanation, RestCurrent())))
-        sure = sureness(present, judged, np.random.default_rng(SERVO_SEED)) >= GROUND_SURE
-        return judged if sure and gain(present, judged) >= GROUND_GAIN else present
+        return _clearly_less(present, judged, GROUND_GAIN, GROUND_SURE)
 
     def freed(self, found: Fit, name: str, least: float = 0.0) -> Fit:
         """The fit with the spare shape of an effect with which it errs far less, and by more than wheels slip.
@@ -334,6 +331,12 @@ class Search:
         known = np.isfinite(error)
         share, *_ = np.linalg.lstsq(everything[known], error[known], rcond=1e-6)
         self.disturbance = disturbance_of(np.where(known, error - everything @ share, np.nan), self.starts)
+
+
+def _clearly_less(present: Judged, judged: Judged, least: float, surely: float) -> Judged:
+    """`judged` where it takes so much of the held-out loss away, and by so many standard errors; else `present`."""
+    sure = sureness(present, judged, np.random.default_rng(SURE_SEED)) >= surely
+    return judged if sure and gain(present, judged) >= least else present
 
 
 def _on_the_line(explanation: Explanation) -> bool:

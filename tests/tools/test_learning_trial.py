@@ -74,7 +74,7 @@ def test_a_hand_over_that_bumps_is_seen(monkeypatch):
     for k in range(400):
         sample = Sample(FRAME_S * k, current_ma, 1.2, signals)
         if k == 300:
-            learner.controller.adopt(weaker(FACTORY, 0.4))
+            learner.controller.adopt(weaker(FACTORY, 0.8))
         sent_ma = learner.step(sample, 1.2 if k > 100 else None)
         current_ma = sent_ma if k > 100 else current_ma
     assert abs(learner.controller.bumps_ma[0]) > hours.BUMP_MA

@@ -20,7 +20,7 @@ from cruise.recording import Recording
 from cruise.sampling import SamplingSettings, StreamSampler
 from cruise.signals import CONTEXT, INPUT, OUTPUT
 from cruise.validation.judged import Judged
-from cruise.validation.search import Search
+from cruise.validation.search import STROKE_SHARE, Search
 from cruise.validation.slope import PITCH, slope_deg
 from cruise.validation.study import Study, discrete, study
 
@@ -34,7 +34,6 @@ SLOPE_S: Final = 0.4  # s, through which a slope is seen: the acceleration of on
 LONGEST_DELAY_S: Final = 1.1
 LESSON_S: Final = 900.0  # s of driving by hand that teaches the model
 HAND_MA_PER_S: Final = 300.0  # mA/s, of a lever that is moved by hand
-STROKE_SHARE: Final = 0.5  # where the fit of how far the drive yields begins: leakage and pump half and half
 GEAR_MA, GEAR_S = (700.0, 900.0), 20.0  # mA and s, two runs in each gear
 STRUCTURE: Final = "arx:na=1,nb=4,delay_s=0.4+dead_zone+quadratic_gain+engine_speed+grade+hysteresis+oil_temperature"
 MACHINES: Final[dict[str, dict]] = {

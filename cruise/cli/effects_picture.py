@@ -86,7 +86,7 @@ def panels_of(subject: Effect) -> list[Panel]:
     """One panel for each thing that it depends on, one in time, and its answer to a step where that changes shape."""
     panels: list[Panel] = []
     if subject.acts_as is Stage.COMMAND:
-        panels += [_loop, _steps]
+        panels += [_loop, _steps, _stop]
     elif subject.acts_as in (Stage.GAIN, Stage.LOAD):
         course = COURSES.get(subject.name)
         inputs = [name for name in inputs_of(subject) if course is None or name not in course.instead]
@@ -200,11 +200,22 @@ def _steps(axis: Any, drawn: Sequence[Curve]) -> None:
     current_ma = np.select(
         [time_s < 1.0, time_s < 3.0, time_s < 5.0, time_s < 6.5], [500.0, 950.0, 500.0, 600.0], 500.0
     )
+    _over_time(axis, drawn, time_s, current_ma, "over steps of 450 and 100 mA")
+
+
+def _stop(axis: Any, drawn: Sequence[Curve]) -> None:
+    """A ramp down to no current, a stop, and a small step off again."""
+    time_s = np.arange(0.0, 8.0, 0.02)
+    current_ma = np.interp(time_s, [1.0, 3.0, 5.0, 5.02, 6.0, 7.0], [300.0, 0.0, 0.0, 100.0, 100.0, 0.0])
+    _over_time(axis, drawn, time_s, current_ma, "over a ramp to a stop, and a step of 100 mA")
+
+
+def _over_time(axis: Any, drawn: Sequence[Curve], time_s: np.ndarray, current_ma: np.ndarray, title: str) -> None:
     axis.plot(time_s, current_ma, color=GREY, lw=0.8, label="current")
     for one in drawn:
-        output, _ = over(one.effect, current_ma, np.zeros(len(time_s)), {}, 0.02)
+        output, _ = over(one.effect, current_ma, np.zeros(len(time_s)), {}, time_s[1])
         axis.plot(time_s, output, label=one.label, lw=1.5, **one.style)
-    axis.set_title("over steps of 450 and 100 mA", loc="left", fontsize="medium")
+    axis.set_title(title, loc="left", fontsize="medium")
     axis.set_xlabel("time (s)")
     axis.set_ylabel("current that acts (mA)")
 

@@ -66,6 +66,7 @@ class Inversion:
         meant_ma = wanted_ma + self.lacking_ma
         turned = min(max((meant_ma - stands_ma) / soft_ma, -1.0), 1.0)
         current_ma = meant_ma + self.settings.hysteresis_share * effect.share * half_ma * turned
+        current_ma = effect.closing(meant_ma, Inverse(current_ma, current_ma)).low
         given_ma, _ = effect.step(current_ma, math.nan, {}, stands_ma, math.nan)
         lacks_ma = wanted_ma - given_ma
         lacks_ma -= min(max(lacks_ma, -self.settings.borne_ma), self.settings.borne_ma)

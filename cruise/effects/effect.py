@@ -176,7 +176,7 @@ class Effect(ABC):
         return Inverse(np.nan, np.nan, refused=f"{self.name} does not act on the current")
 
 
-def clip(value: Value, low: float, high: float) -> Value:
+def clip(value: Value, low: Value, high: Value) -> Value:
     """`value` within low..high, elementwise; NaN stays NaN."""
     if isinstance(value, np.ndarray):
         return np.minimum(np.maximum(value, low), high)

@@ -188,7 +188,7 @@ class Search:
         free = min(map(self.fitted, begun), key=lambda fit: fit.cost, default=found)
         near = free.cost < NEARER * found.cost and free.cost - least < NEAR * (found.cost - least)
         taken = found.mean_square - free.mean_square
-        slips = effect.stage is not Stage.SENSOR and self.slip_mps**2 >= SLIPS * taken
+        slips = effect.stage in (Stage.GAIN, Stage.LOAD) and self.slip_mps**2 >= SLIPS * taken
         return free if (free.cost < SPARED * found.cost or near) and not slips else found
 
     def all_freed(self, present: Judged) -> Judged:

@@ -211,7 +211,7 @@ def test_curves_stand_at_neutral_a_quarter_and_half_of_the_way():
     def of(name: str, parameter: str) -> list[float]:
         return [getattr(one.effect, parameter) for one in effects_picture.curves(ALL[name])]
 
-    assert of("hysteresis", "width_ma") == [0.0, 100.0, 200.0, 200.0]
+    assert of("hysteresis", "width_ma") == [0.0, 100.0, 200.0, 200.0, 200.0]
     assert of("rate_limit", "rate_ma_per_s") == pytest.approx(
         [1e4, *(1e4 * 0.002**share for share in (0.25, 0.5, 0.5, 0.5))]
     )

@@ -113,3 +113,13 @@ def test_what_was_lacking_is_forgotten_once_the_wish_goes_far():
     assert state.drives[0] == pytest.approx(500.0, abs=InversionSettings().borne_ma + 0.5)
     inversion.restart()
     assert inversion.lacking_ma == 0.0
+
+
+def test_where_springs_close_the_band_a_little_is_met_all_the_same():
+    """From above it stands at 60 mA: to 30 mA the band's lower edge would lead with 10, which give no more than 20."""
+    model = Model(FRAME_S, 1, 1, 0, (Hysteresis(40.0, closed_share=1.0),), (0.4, 1e-3, 0.0))
+    state = settled(model, [700.0, 40.0])
+    assert state.effects[0] == 60.0
+    current = inverse(model, 30.0, state).nearest(0.0)
+    assert current == 15.0
+    assert model.drive_for(current, state, {}) == pytest.approx(30.0)

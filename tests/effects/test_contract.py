@@ -15,7 +15,7 @@ SHAPES = {
     "saturation": {"full_stroke_ma": 1100.0, "knee_ma": 40.0},
     "dead_zone": {"threshold_ma": 350.0, "edge_ma": 20.0, "jump_share": 0.4, "release_share": 0.7},
     "quadratic_gain": {"curvature": 0.7, "bend": 0.3, "exponent": 0.8},
-    "hysteresis": {"width_ma": 60.0, "share": 0.6},
+    "hysteresis": {"width_ma": 60.0, "share": 0.6, "closed_share": 0.8},
     "rate_limit": {"rate_ma_per_s": 700.0, "lag_s": 0.1, "return_share": 1.7},
     "engine_speed": {"exponent": 1.0, "full_rpm": 2000.0},
     "engine_droop": {"droop_share": 0.3, "onset_pct": 40.0, "filter_s": 0.6, "recovery_per_s": 0.2},

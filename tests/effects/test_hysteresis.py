@@ -51,9 +51,32 @@ def test_of_what_is_held_in_part_the_rest_follows_at_once():
     assert x.tolist() == [500.0, 592.5, 570.0, 547.5, 507.5]  # a quarter of 30 mA behind, both ways
 
 
-@given(wanted=st.lists(st.floats(-900, 900), min_size=2, max_size=20), share=st.sampled_from([1.0, 0.6, 0.1]))
-def test_the_inverse_leads_wherever_it_is_wanted(wanted, share):
-    effect = Hysteresis(WIDTH_MA, share)
+@pytest.mark.parametrize(("closed", "left_ma"), [(0.0, 30.0), (0.4, 18.0), (1.0, 0.0)])
+def test_springs_close_the_loop_where_no_current_flows(closed, left_ma):
+    effect = Hysteresis(WIDTH_MA, closed_share=closed)
+    x = over(effect, np.array([400.0, 200.0, 0.0, -200.0, 0.0, 200.0, 300.0]), np.zeros(7), {}, 0.2)[0]
+    assert x.tolist() == [400.0, 230.0, left_ma, -170.0, -left_ma, 170.0, 270.0]
+
+
+def test_near_no_current_it_gives_no_more_than_twice_the_current():
+    effect = Hysteresis(WIDTH_MA, closed_share=1.0)
+    x = over(effect, np.array([400.0, 20.0, 10.0, 5.0, 40.0]), np.zeros(5), {}, 0.2)[0]
+    assert x.tolist() == [400.0, 40.0, 20.0, 10.0, 35.0]  # it stands at 35 mA, and 5 mA give no more than 10
+
+
+SHAPES = {
+    "slack": (1.0, 0.0),
+    "in part": (0.6, 0.0),
+    "hardly": (0.1, 0.0),
+    "closes": (1.0, 1.0),
+    "in part, and closes in part": (0.5, 0.7),
+}
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@given(wanted=st.lists(st.floats(-900, 900) | st.floats(-40, 40), min_size=2, max_size=20))
+def test_the_inverse_leads_wherever_it_is_wanted(wanted, shape):
+    effect = Hysteresis(WIDTH_MA, *SHAPES[shape])
     current, state = effect.step(300.0, 0.0, {}, effect.start(0.0), 0.2)
     for value in wanted:
         current = effect.inverse(value, {}, state).nearest(current)
@@ -61,13 +84,17 @@ def test_the_inverse_leads_wherever_it_is_wanted(wanted, share):
         assert result == pytest.approx(value, abs=1e-9)
 
 
-def test_where_it_stands_any_current_of_the_band_holds_it_and_none_beyond():
-    band = PLAY.inverse(500.0, {}, 500.0)
+@pytest.mark.parametrize("closed", [0.0, 1.0])
+def test_where_it_stands_any_current_of_the_band_holds_it_and_none_beyond(closed):
+    effect = Hysteresis(WIDTH_MA, closed_share=closed)
+    band = effect.inverse(500.0, {}, 500.0)
     assert (band.low, band.high) == (470.0, 530.0)
-    assert [PLAY.step(u, 0.0, {}, 500.0, 0.2)[0] for u in (469.0, 470.0, 500.0, 530.0, 531.0)] == [
-        499.0,
-        500.0,
-        500.0,
-        500.0,
-        501.0,
-    ]
+    outputs = [effect.step(u, 0.0, {}, 500.0, 0.2)[0] for u in (469.0, 470.0, 500.0, 530.0, 531.0)]
+    assert outputs == [499.0, 500.0, 500.0, 500.0, 501.0]
+
+
+def test_where_it_closes_a_little_needs_half_of_its_own_current():
+    effect = Hysteresis(WIDTH_MA, closed_share=1.0)
+    band = effect.inverse(20.0, {}, 20.0)
+    assert (band.low, band.high) == (10.0, 50.0)
+    assert effect.step(9.0, 0.0, {}, 20.0, 0.2)[0] == 18.0

@@ -65,14 +65,16 @@ def drive(
     source: str = "drive.csv",
     pair: tuple[float, float] | None = None,
     vehicle_s: float = VEHICLE_S,
+    current_ma: np.ndarray | None = None,
 ) -> Recording:
     """A recording; `gain` and `load_mps` (N,) are g and l of every sample, `columns` what else was recorded.
 
-    `pair` are frequency in Hz and damping of two more poles, `vehicle_s` is T_v.
+    `current_ma` (N,) are random levels where none are given. `pair` are frequency in Hz and damping of two more poles,
+    `vehicle_s` is T_v.
     """
     samples = round(seconds / dt_s)
     each = round(dt_s / FINE_S)
-    current = levels(samples, dt_s, seed)
+    current = levels(samples, dt_s, seed) if current_ma is None else current_ma
     asked = np.repeat(command(current), each)
     late = np.concatenate([np.full(round(DELAY_S / FINE_S), asked[0]), asked])[: len(asked)]
     felt = lagged(lagged(late, LAG_S), SECOND_LAG_S)

@@ -160,11 +160,8 @@ def test_every_start_of_an_effect_lies_in_its_bounds_away_from_neutral(name):
         assert all(load == 0.0 for load in start.loads)
         assert len(start.loads) == len(start.at(Stage.LOAD))
     if name in ("dead_zone", "saturation", "hysteresis", "quadratic_gain"):
-        (shape,) = [
-            key
-            for key in EFFECTS[name].parameters
-            if key not in ("edge_ma", "knee_ma", "bend", "exponent", "share", "jump_share", "release_share")
-        ]
+        others = {"edge_ma", "knee_ma", "bend", "share", "jump_share", "release_share", *EFFECTS[name].spare}
+        (shape,) = EFFECTS[name].parameters.keys() - others
         values = [getattr(start.effects[0], shape) for start in starts]
         neutral = EFFECTS[name].parameters[shape].neutral
         assert abs(values[0] - neutral) < abs(values[1] - neutral)

@@ -59,7 +59,21 @@ def slowed() -> np.ndarray:
     return load
 
 
+def centred(current_ma: np.ndarray) -> np.ndarray:
+    """A spool that lags 40 mA behind, and is in its middle where no current flows: never beyond twice the current."""
+    stands, acts = current_ma[0], []
+    for value in current_ma.tolist():
+        stands = min(max(stands, value - 40.0), value + 40.0)
+        acts.append(min(max(stands, 0.0), 2.0 * value))
+    return np.array(acts)
+
+
 FORMS = {
+    "hysteresis": (
+        {"command": centred, "current_ma": np.maximum(levels(SAMPLES, DT_S, SEED, -250.0, 700.0), 0.0)},
+        {},
+        {"width_ma": (80.0, 4.0), "closed_share": (1.0, 0.15)},
+    ),
     "oil_temperature": (
         {"gain": 1.0 - 0.1 * np.maximum(np.exp((40.0 - OIL_C) / 33.0) - 1.0, 0.0)},
         {"oil_temperature_c": OIL_C},
@@ -111,6 +125,15 @@ POWERS = {
         {"cutoff_bar": (230.0, 15.0), "cut_per_bar": (0.004, 0.001)},
     ),
 }
+
+
+def test_how_much_wheels_slip_says_nothing_of_what_acts_on_the_command():
+    hidden, _, _ = FORMS["hysteresis"]
+    begun = base(drive(SECONDS, SEED, DT_S, NOISE_MPS, **hidden))
+    search, bare = begun.search, begun.base.explanation
+    plain = search.grown_from_all(bare, candidate_of("hysteresis", begun.recordings))
+    search.slip_mps = 0.5
+    assert search.freed(plain, "hysteresis") is not plain
 
 
 @pytest.mark.parametrize("form", POWERS)

@@ -7,10 +7,11 @@ v_w wanted output in mA, f(u) the one that the model gives u, x where the play o
 far as it is believed (`width.py`), c share of the current that it holds, b what is borne. The exact inverse, k = 1 and
 e -> 0, jumps by w where c = 1 whenever the wish turns around, on noise too, and overshoots where the band of the
 machine is narrower than the model's. Half way in between the play is narrowed from w / 2 to e w / (2 e + k w) and the
-current stays continuous; k below 1 leaves a part of the band to the observer. What the narrowed play lacks of a wish
-that stays, 1 to 2 cm/s, is no disturbance, so that the observer never mends it: z sums it up, all but b. Without b the
-loop would wander from one edge to the other of a band that is not quite the model's. Source of the idea: G. Tao, P.
-Kokotovic, Adaptive Control of Systems with Actuator and Sensor Nonlinearities, 1996, ch. 4 (soft inverse of backlash).
+current stays continuous; k below 1 leaves a part of the band to the observer. Where springs close the band at no
+current, u is no less than what can give v. What the narrowed play lacks of a wish that stays, 1 to 2 cm/s, is no
+disturbance, so that the observer never mends it: z sums it up, all but b. Without b the loop would wander from one edge
+to the other of a band that is not quite the model's. Source of the idea: G. Tao, P. Kokotovic, Adaptive Control of
+Systems with Actuator and Sensor Nonlinearities, 1996, ch. 4 (soft inverse of backlash).
 """
 
 import math

@@ -103,7 +103,11 @@ class Workbench:
             dark.set_value(session.dark)
             refresh()
 
+        seen = session.version
+
         def refresh() -> None:
+            nonlocal seen
+            seen = session.version
             with page.client:  # whoever asks for it may be gone by then
                 views.refresh()
                 around()
@@ -122,11 +126,9 @@ class Workbench:
         ui.context.client.sub_pages_router.on_path_changed(lambda _: around())
         around()
 
-        seen = session.version
-
         def poll() -> None:
             nonlocal seen
-            if session.version != seen:
+            if session.version != seen or session.fresh:
                 seen = session.version
                 if session.fresh and page.path == "/":
                     page.go("/compare")

@@ -226,6 +226,7 @@ class Session:
         self.searching = False
         if self.job is not None:
             self.job.cancel()
+            self.poll()  # at once: a page that is drawn a second time for it loses what is pressed meanwhile
 
     def poll(self) -> None:
         """Take in what the job under way has found; `version` tells every page that shows this session."""

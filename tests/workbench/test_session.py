@@ -101,6 +101,17 @@ def ended(one: Session) -> Session:
     return one
 
 
+def test_what_is_stopped_is_taken_in_at_once(session):
+    before = session.version
+    session.add("grade")
+    session.cancel()
+    assert session.job is None
+    assert session.fault == ""
+    assert session.version == before + 1
+    session.poll()
+    assert session.version == before + 1
+
+
 def test_a_refusal_names_what_helps_on_the_page(session, tmp_path):
     session.add("grade")
     assert re.search("has grade already: .* take it out with Undo$", ended(session).fault)

@@ -26,8 +26,9 @@ class EngagementSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unkno
     override_s: Positive = 1.0  # s that pedals and lever have to be left alone before an override is over
     reached_mps: Positive = 0.1  # m/s, speed to setpoint at which the take-over is done: 5 % of a usual speed
     # m/s above what was wished while the machine follows: a hill of 8 degrees within 2.5 s adds 0.1 in first gear, 0.2
-    # in second, 0.45 in third and 0.7 in fourth, times sqrt(alpha) of equation 12 of the paper 0.1 to 0.26
-    overspeed_mps: Positive = 0.3
+    # in second, 0.45 in third and 0.7 in fourth, times sqrt(alpha) of equation 12 of the paper 0.1 to 0.26; 0.3 is
+    # harm, and a sensor may show 0.02 less than there is
+    overspeed_mps: Positive = 0.28
     slowing_mps2: Positive = 0.2  # m/s2, a deceleration that every machine can follow, dead time and hill included
     coming_mps2: Positive = 1.0  # m/s2 that is on its way to the wheels: more is beyond what the law may do or can undo
     shifts_under_way: bool = False  # a gearbox that changes gear under load; with others a changed gear is an exit

@@ -200,7 +200,7 @@ class Blind(Fault):
 
 def test_a_fault_that_lasts_has_its_time_to_show():
     """Downhill in third gear: half a second before it is noticed an open drive line still looks like the hill."""
-    plan = replace(Plan.of(FAULTS["drive line opens unseen"], 281114), seconds=21.0)
+    plan = replace(Plan.of(FAULTS["drive line opens unseen"], 281114), seconds=20.5)
     assert trial.judge(plan, trial.driven(plan)).verdict == "silent"
     found = trial.run(plan)
     assert (found.verdict, found.how) == ("detected", "overspeed")

@@ -55,6 +55,7 @@ SURELY: Final = 2.0  # by so many standard errors
 BY_COMMAND: Final = 0.9  # of what all signals foretell, that the current alone does where it is the drive's answer that
 # shows: an unmodelled limit of its rate had 1.0 or more, leakage 0.8 or less on 13 drives with slopes
 TOLD: Final = 0.35  # of what it takes away: with less that is foretold, a force that nobody recorded acts there
+BY_FORCE: Final = frozenset({"wheel_slip"})  # no force, and as large as the force that the wheels pass on
 
 
 class Through(Enum):
@@ -298,9 +299,11 @@ def needed(present: Judged, mediator: Judged, alone: Tried, beside: Tried, force
 def refuted(mediator: Judged, alone: Sequence[Tried]) -> tuple[str, ...]:
     """What is no force, while the mediator leaves hardly more: nothing that is no force is needed beside it.
 
-    A curve of a signal that only such effects read is none, either; a slope is a force, whoever reads it.
+    A curve of a signal that only such effects read is none, either; a slope is a force, whoever reads it; and what goes
+    with the force, as slip does, shows in the pressure as well.
     """
     none = (one for one in alone if _no_force(one.name) or _curve_of_no_force(one.name))
+    none = (one for one in none if one.name not in BY_FORCE)
     return tuple(one.name for one in none if mediator.loss < LOOSE * one.judged.loss)
 
 

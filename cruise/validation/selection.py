@@ -205,9 +205,13 @@ def _takes_most(one: Tried) -> bool:
 
 
 def _takes_plainly(one: Tried, share: float, rest: bool) -> bool:
-    """So much of what is left, and of what was, or all that could be explained, that little evidence is enough."""
+    """So much of what is left, and of what was, or all that could be explained, that little evidence is enough.
+
+    A force has to take all that could: soil that nobody recorded shows as any of them, a little of each as any other.
+    """
     evidence, least, much = PLAINLY
-    plainly = one.gain >= least and one.sureness >= SURE and (share >= much or rest)
+    force = one.name in EFFECTS and EFFECTS[one.name].stage is Stage.LOAD
+    plainly = one.gain >= least and one.sureness >= SURE and (rest or (share >= much and not force))
     return plainly and one.counted * one.gain >= evidence
 
 

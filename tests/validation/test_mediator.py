@@ -182,3 +182,12 @@ def test_a_curve_of_a_signal_that_no_force_reads_is_refuted_as_its_effects_are(b
     judged = tried("leakage", 0.2).judged
     assert refuted(judged, [tried(name, 0.3) for name in names]) == ("gear_ratio", f"{UNNAMED}gear")
     assert refuted(judged, [tried(name, 0.15) for name in names]) == (), "they leave clearly less"
+
+
+def test_slip_shows_in_the_pressure_as_the_force_does_and_is_not_refuted_by_it(begun):
+    def tried(name: str, share: float) -> Tried:
+        judged = replace(begun.base, candidate=name, raw=share * np.ones_like(begun.base.raw))
+        return Tried(name, 1.0 - share, 100.0, 1.0, 9.0, judged, judged)
+
+    alone = [tried("wheel_slip", 0.3), tried("sensor_bias", 0.3)]
+    assert refuted(tried("leakage", 0.2).judged, alone) == ("sensor_bias",)

@@ -15,7 +15,7 @@ from cruise.effects import Effect, Stage
 from cruise.model import prediction
 from cruise.validation.candidates import Candidate, EffectCandidate, ways_of, with_effect, without
 from cruise.validation.disturbance import Disturbance, disturbance_of
-from cruise.validation.explanation import CORE, START, Explanation
+from cruise.validation.explanation import CORE, LONGEST_LAG_S, START, Explanation
 from cruise.validation.fitting import Fit, Layout, Objective, bounded, fit, layout
 from cruise.validation.judged import Judged, few, gain, sureness
 from cruise.validation.simulation import RAN_AWAY_MPS, Scene, paced
@@ -30,6 +30,7 @@ DAMPING: Final = 1e-3  # of the diagonal, in the step to a fold's parameters: di
 PARTS: Final = (1.0, 0.3)  # of that step, or none: the errors are not quite linear in the parameters
 MOST_STARTS: Final = 3  # from which fits of one candidate begin
 QUICK_STEPS: Final = 4  # of the solver, to choose among several starts
+NEARBY: Final = 1.1  # of the cost of a fit that is finished, from which one that is begun elsewhere is finished, too
 ONE_STEP: Final = 2  # likewise: where it stands and one step on
 ORDINARY_STEPS: Final = 40
 SETTLED_STEPS: Final = 300
@@ -224,11 +225,19 @@ class Search:
         return best
 
     def grown_anew(self, explanation: Explanation, candidate: Candidate) -> Fit:
-        """`grown` with the lags' time in the vehicle at first: data say how slow all of them are before which."""
+        """`grown` with the lags' time in the vehicle at first, or in the actuator: data say how slow which of them is.
+
+        Without anything that acts between them the two are the same, and no step of a fit leads from one to the other.
+        """
         core = explanation.core
         slow_s = min(core.lag_s + core.second_lag_s + core.time_constant_s, self.slowest_s)
-        anew = replace(core, lag_s=START.lag_s, second_lag_s=START.second_lag_s, time_constant_s=slow_s)
-        return self.grown(replace(explanation, core=anew), candidate)
+        vehicle = replace(core, lag_s=START.lag_s, second_lag_s=START.second_lag_s, time_constant_s=slow_s)
+        actuator = replace(vehicle, lag_s=min(slow_s, LONGEST_LAG_S), time_constant_s=START.lag_s)
+        found = self.grown(replace(explanation, core=vehicle), candidate)
+        if core.servo_hz or all(effect.acts_as is Stage.COMMAND for effect in found.explanation.effects):
+            return found
+        begun = self.begun(replace(explanation, core=actuator), candidate)
+        return min(found, self.finished(begun), key=lambda one: one.cost) if begun.cost < NEARBY * found.cost else found
 
     def judged(self, name: str, found: Fit) -> Judged:
         """Held-out errors: for every fold the parameters move to where the rest of the recording wants them."""

@@ -131,9 +131,15 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
             steps[-1:] = [replace(step, taken=pair.first.name), replace(pair.step, taken=pair.second.name)]
             chosen, present = [pair.first.name, pair.second.name], pair.second.judged
         elif worthy:
-            best = min((one for one in worthy if close(worthy[0], one)), key=lambda one: one.compared.loss)
+            told = [one for one in worthy if not (chosen and _may_be_soil(one, step))]
+            likely = told or worthy  # forces that may be soil are so unless one cause stands for all of them
+            best = min((one for one in likely if close(likely[0], one)), key=lambda one: one.compared.loss)
+            held = chosen, present
             steps[-1] = replace(step, taken=best.name)
             chosen, present = _needed(search, steps[0], [*chosen, best.name], best.judged, chosen)
+            if not told and one_for_all(search, steps, chosen, present) is None:
+                steps[-1], (chosen, present) = step, held
+                break
         else:
             break
         back = one_for_all(search, steps, chosen, present)
@@ -205,14 +211,21 @@ def _takes_most(one: Tried) -> bool:
 
 
 def _takes_plainly(one: Tried, share: float, rest: bool) -> bool:
-    """So much of what is left, and of what was, or all that could be explained, that little evidence is enough.
-
-    A force has to take all that could: soil that nobody recorded shows as any of them, a little of each as any other.
-    """
+    """So much of what is left, and of what was, or all that could be explained, that little evidence is enough."""
     evidence, least, much = PLAINLY
-    force = one.name in EFFECTS and EFFECTS[one.name].stage is Stage.LOAD
-    plainly = one.gain >= least and one.sureness >= SURE and (rest or (share >= much and not force))
+    plainly = one.gain >= least and one.sureness >= SURE and (share >= much or rest)
     return plainly and one.counted * one.gain >= evidence
+
+
+def _may_be_soil(one: Tried, step: Step) -> bool:
+    """Whether it is a force for which little speaks but what it takes, and that is not all that could be explained.
+
+    Soil that nobody recorded shows as any of them, and a little of each as any other.
+    """
+    all_of_it = one.sureness >= BEYOND_DOUBT and share_of_all(one, step) >= ALL_OF_IT
+    return EFFECTS[one.name].stage is Stage.LOAD and not (
+        all_of_it or _takes_most(one) or _takes_with_evidence(one, step)
+    )
 
 
 def _takes_with_evidence(one: Tried, step: Step) -> bool:

@@ -250,14 +250,16 @@ def test_a_further_force_needs_evidence_however_much_it_takes_of_what_is_left(de
     before, last = dead_zone.steps[-2].before, dead_zone.steps[-1]
     present = replace(before, raw=0.3 * before.raw)
 
-    def further(name: str, evidence: float) -> bool:
+    def soil(name: str, evidence: float) -> bool:
         one = replace(last.tried[0], name=name, gain=0.45, evidence=evidence, sureness=4.0, credit=1.0)
         one = replace(one, judged=replace(before, raw=0.5 * present.raw))
-        return selection._further(one, replace(last, before=present), before, ("dead_zone",))
+        step = replace(last, before=present)
+        assert selection._further(one, step, before, ("dead_zone",))
+        return selection._may_be_soil(one, step)
 
-    assert further("speed_droop", 0.6 * selection.FURTHER)
-    assert not further("grade", 0.6 * selection.FURTHER)
-    assert further("grade", 1.1 * selection.FURTHER)
+    assert not soil("speed_droop", 0.6 * selection.FURTHER)
+    assert soil("grade", 0.6 * selection.FURTHER)
+    assert not soil("grade", 1.1 * selection.FURTHER)
 
 
 def test_effects_that_take_little_in_all_are_the_little_of_everything_that_a_machine_has(dead_zone, monkeypatch):

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import signal
 
 from cruise.effects.coulomb_friction import CoulombFriction
 from cruise.effects.dead_zone import DeadZone
@@ -43,6 +44,12 @@ def hand_made(raw, white=None, weight=None) -> Judged:
     weight = np.ones(len(raw)) if weight is None else np.asarray(weight, float)
     found = search_of(recorded(40.0)).fitted(START, steps=1)
     return Judged("", found, (), np.zeros(0), raw, white, weight)
+
+
+def slow_servo(current_ma: np.ndarray) -> np.ndarray:
+    """A lag of 1 s."""
+    rest = np.exp(-0.2 / 1.0)
+    return np.asarray(signal.lfilter([1.0 - rest], [1.0, -rest], current_ma, zi=[rest * current_ma[0]])[0])
 
 
 # -- gain and sureness
@@ -320,3 +327,18 @@ def test_a_model_is_freed_in_all_that_it_has():
     freed = search.all_freed(judged)
     assert freed.loss < 0.7 * judged.loss
     assert search.all_freed(freed) is freed
+
+
+@pytest.mark.parametrize(("moves_s", "size_mps"), [(0.8, 3.0), (5.0, 10.0)])
+def test_a_slow_servo_with_a_load_behind_it_is_found_though_a_fit_holds_the_vehicle_for_slow(moves_s, size_mps):
+    pitch = wander(1200, 0.2, 21, 3.0, moves_s)
+    load_mps = -size_mps * np.sin(np.radians(pitch))
+    search = search_of(
+        drive(240.0, 2, 0.2, 0.005, slow_servo, load_mps=load_mps, vehicle_s=0.1, columns={"pitch_deg": pitch})
+    )
+    core = replace(START.core, lag_s=0.1, time_constant_s=1.0)
+    held, grade = search.fitted(replace(START, core=core)).explanation, EffectCandidate("grade")
+    assert held.core.time_constant_s > 1.0
+    near, anew = search.grown(held, grade), search.grown_anew(held, grade)
+    assert anew.cost < 0.3 * near.cost
+    assert anew.explanation.core.time_constant_s < 0.5

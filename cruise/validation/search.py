@@ -227,7 +227,7 @@ class Search:
     def grown_anew(self, explanation: Explanation, candidate: Candidate) -> Fit:
         """`grown` with the lags' time in the vehicle at first, or in the actuator: data say how slow which of them is.
 
-        Without anything that acts between them the two are the same, and no step of a fit leads from one to the other.
+        Without anything that acts between them the two are the same, and fits seldom get from one to the other.
         """
         core = explanation.core
         slow_s = min(core.lag_s + core.second_lag_s + core.time_constant_s, self.slowest_s)

@@ -127,22 +127,22 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
         pair = _pair(study, step, rng, show) if not worthy and not chosen else None
         if not worthy and not chosen and pair is None:
             worthy = [one for one in named if _first(replace(one, evidence=one.evidence / NEARLY), step)]
+        held, soil = chosen, False
         if pair is not None:
             steps[-1:] = [replace(step, taken=pair.first.name), replace(pair.step, taken=pair.second.name)]
             chosen, present = [pair.first.name, pair.second.name], pair.second.judged
         elif worthy:
             told = [one for one in worthy if not (chosen and _may_be_soil(one, step))]
-            likely = told or worthy  # forces that may be soil are so unless one cause stands for all of them
+            likely, soil = told or worthy, not told  # which it is unless one cause stands for all forces
             best = min((one for one in likely if close(likely[0], one)), key=lambda one: one.compared.loss)
-            held = chosen, present
             steps[-1] = replace(step, taken=best.name)
             chosen, present = _needed(search, steps[0], [*chosen, best.name], best.judged, chosen)
-            if not told and one_for_all(search, steps, chosen, present) is None:
-                steps[-1], (chosen, present) = step, held
-                break
         else:
             break
         back = one_for_all(search, steps, chosen, present)
+        if back is None and soil:
+            steps[-1], chosen, present = step, held, step.before
+            break
         if back is not None:
             steps = [*steps[: back.place], back.step]
             there = [one.taken for one in steps if one.taken in back.judged.explanation.names]

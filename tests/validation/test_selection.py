@@ -40,6 +40,7 @@ from cruise.validation.tried import (
     whole,
 )
 from cruise.validation.unnamed import SPEED
+from tests.validation.diagnosing import PITCH, begun
 from tests.validation.driving import drive
 
 
@@ -260,6 +261,21 @@ def test_a_further_force_needs_evidence_however_much_it_takes_of_what_is_left(de
     assert not soil("speed_droop", 0.6 * selection.FURTHER)
     assert soil("grade", 0.6 * selection.FURTHER)
     assert not soil("grade", 1.1 * selection.FURTHER)
+
+
+def test_a_force_that_may_be_soil_is_none_beside_what_was_found(monkeypatch):
+    both = begun(command=lambda u: np.maximum(u - 400.0, 0.0), load_mps=-1.0 * np.sin(np.radians(PITCH)))
+
+    def chosen() -> selection.Selected:
+        return selection.selected(both, np.random.default_rng(0), lambda text: None)
+
+    first, second = chosen().chosen
+    assert {first, second} == {"dead_zone", "grade"}
+    monkeypatch.setattr(selection, "_may_be_soil", lambda one, step: True)
+    found = chosen()
+    assert found.chosen == (first,)
+    assert [one.taken for one in found.steps] == [first, ""]
+    assert found.final is found.steps[-1].before
 
 
 def test_effects_that_take_little_in_all_are_the_little_of_everything_that_a_machine_has(dead_zone, monkeypatch):

@@ -303,8 +303,7 @@ def refuted(mediator: Judged, alone: Sequence[Tried]) -> tuple[str, ...]:
     with the force, as slip does, shows in the pressure as well.
     """
     none = (one for one in alone if _no_force(one.name) or _curve_of_no_force(one.name))
-    none = (one for one in none if one.name not in BY_FORCE)
-    return tuple(one.name for one in none if mediator.loss < LOOSE * one.judged.loss)
+    return tuple(one.name for one in none if one.name not in BY_FORCE and mediator.loss < LOOSE * one.judged.loss)
 
 
 def weighed(alone: Tried, beside: Tried | None) -> Tried:

@@ -196,13 +196,18 @@ def _first(one: Tried, step: Step) -> bool:
 def _further(one: Tried, step: Step, before: Judged, chosen: Sequence[str]) -> bool:
     """Whether it is more than a wrong form of what is there; `before` is without the effect that was added last."""
     share = (step.before.loss - one.judged.loss) / before.loss
-    rest = one.sureness >= BEYOND_DOUBT and share_of_all(one, step) >= ALL_OF_IT
+    rest = _takes_all(one, step)
     hidden = rest and one.gain >= MOST and one.name not in DYNAMICS  # a far larger one hid it
     if soil_short(one) > 0.0 or (share < least_share(one.name, chosen) and not hidden):
         return False
     if any(ruled_out(one.name, name, step.tried) for name in chosen):  # what is left is the form of that
         return False
     return _takes_most(one) or _takes_plainly(one, share, rest) or _takes_with_evidence(one, step)
+
+
+def _takes_all(one: Tried, step: Step) -> bool:
+    """Nearly all that could be explained at all, beyond doubt."""
+    return one.sureness >= BEYOND_DOUBT and share_of_all(one, step) >= ALL_OF_IT
 
 
 def _takes_most(one: Tried) -> bool:
@@ -222,10 +227,8 @@ def _may_be_soil(one: Tried, step: Step) -> bool:
 
     Soil that nobody recorded shows as any of them, and a little of each as any other.
     """
-    all_of_it = one.sureness >= BEYOND_DOUBT and share_of_all(one, step) >= ALL_OF_IT
-    return EFFECTS[one.name].stage is Stage.LOAD and not (
-        all_of_it or _takes_most(one) or _takes_with_evidence(one, step)
-    )
+    told = _takes_all(one, step) or _takes_most(one) or _takes_with_evidence(one, step)
+    return EFFECTS[one.name].stage is Stage.LOAD and not told
 
 
 def _takes_with_evidence(one: Tried, step: Step) -> bool:

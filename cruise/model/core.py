@@ -93,6 +93,12 @@ class Core:
         return felt[:count]
 
     @property
+    def behind_s(self) -> float:
+        """How much later than the current the speed moves: the dead time, and the mean of what each part adds."""
+        servo_s = self.servo_damping / (math.pi * self.servo_hz) if self.servo_hz else 0.0
+        return self.delay_s + self.lag_s + self.second_lag_s + servo_s + self.time_constant_s
+
+    @property
     def memory_s(self) -> float:
         """How far back the drive matters to what the vehicle feels now: all but TAIL of the response."""
         ringing_s = 1.0 / (2.0 * math.pi * self.resonance_hz * self.damping) if self.resonance_share else 0.0

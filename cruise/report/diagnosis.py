@@ -23,8 +23,10 @@ from cruise.validation.unnamed import RestCurrent
 DOUBTFUL: Final = 0.5  # confidence below which an effect may be missing, rather than is
 FAR: Final = 2.5  # times the noise, from which an error is far above it
 NEGLIGIBLE: Final = 1e-9  # in any unit that numbers are shown in
-ANSWERS: Final = "for its signal answers to the drive itself"
+ANSWERS: Final = "for its signal answers to the drive itself, or nothing of its name has the shape that fits best"
 QUICK: Final = 1.1  # of its lower bound, a time that wants to be shorter
+COARSE: Final = 2.0  # periods, within which a quick drive answers
+AT_REST: Final = frozenset({"dead_zone", "coulomb_friction"})  # look alike but for how the machine comes to rest
 DISCOUNTED: Final = f"{ANSWERS}, or the line pressure speaks against it"
 """Why not all of an effect's evidence counts."""
 
@@ -270,7 +272,7 @@ def _all(names: Sequence[str], word: str = "and") -> str:
 
 def of_the_core(found: Diagnosis) -> list[str]:
     """What the core holds that is no effect, and what to think of a drive that is very late, or very quick."""
-    return [line for line in (_yields(found), _late(found)) if line]
+    return [line for line in (_yields(found), _late(found), _coarse(found)) if line]
 
 
 def _yields(found: Diagnosis) -> str:
@@ -300,6 +302,18 @@ def _late(found: Diagnosis) -> str:
     return (
         f"the dead time is {found_s:.2f} s, and the model's is {given_s:g} s: its taps can hold the rest; compare "
         f"says whether delay_s={given_s + period_s * periods:.3g} errs less"
+    )
+
+
+def _coarse(found: Diagnosis) -> str:
+    """Friction acts against the speed of one sample ago: of a drive that is as quick as that, it is late."""
+    core, period_s = found.base.explanation.core, found.study.period_s
+    answers_s = core.behind_s - core.delay_s
+    if answers_s >= COARSE * period_s or AT_REST.isdisjoint(found.effects):
+        return ""
+    return (
+        f"the drive answers within {answers_s:.2g} s, hardly two samples of {period_s:g} s: `--period "
+        f"{0.5 * period_s:g}` tells {_all(sorted(AT_REST))} apart better"
     )
 
 

@@ -103,8 +103,7 @@ class EffectCandidate:
             known = {}
         assumed = {}
         if self.name == "power_limit":  # the speed follows what is taken back as it follows the current
-            behind_s = core.delay_s + core.lag_s + core.second_lag_s + core.time_constant_s
-            assumed = {"follow_s": min(behind_s, shapes["follow_s"].high)}
+            assumed = {"follow_s": min(core.behind_s, shapes["follow_s"].high)}
         shares = SHARES if shapes and self.name != "gear_ratio" else SHARES[:1]
         ordinary = tuple(walked(self.name, share) for share in shares)
         alike = set()

@@ -16,6 +16,7 @@ LEAST_GAIN: Final = 0.15  # of the present loss: errors that fall by less than 8
 MUCH: Final = 0.6  # of the present loss: no background takes so much, so that half the evidence is enough,
 FEW: Final = 0.5  # of it: a little of several effects may take less together, so that half as much again is asked
 RESISTANCE: Final = frozenset({"coulomb_friction", "rolling_resistance"})  # what soil looks like that nobody recorded:
+SHOWING_SOIL: Final = RESISTANCE | {"crop_load"}  # or in whose signal it shows: the engine carries soil as crop;
 RESISTS: Final = 1.5  # times the evidence, or `ANYHOW`, where such a one takes few and nothing else was found before it
 LEAST_LEFT: Final = 1e-9  # of the loss: what is left of it where there is no noise at all
 SURE: Final = 1.5  # standard errors of a held-out gain; a few blocks may hold all of it,
@@ -115,7 +116,7 @@ def soil_short(one: Tried) -> float:
 
 
 def _like_soil(one: Tried) -> bool:
-    return one.name in RESISTANCE and one.gain < FEW
+    return one.name in SHOWING_SOIL and one.gain < FEW
 
 
 def share_of_all(one: Tried, step: Step) -> float:

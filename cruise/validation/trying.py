@@ -15,6 +15,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from cruise.effects import EFFECTS
+from cruise.effects.power_limit import PowerLimit
 from cruise.validation.background import STRUCTURAL, Background
 from cruise.validation.candidates import MEDIATORS, UNNAMED, Candidate, EffectCandidate, with_effect, without
 from cruise.validation.explanation import RINGS, Explanation
@@ -47,6 +48,8 @@ FREED: Final = 0.3  # of the cost, that an effect must take away for its spare s
 ASTRAY: Final = 2.0  # times the cost without an effect, beyond which no fit of it is one: at neutral it takes nothing
 MOVED: Final = 0.03  # of the cost, by which a better core makes all be tried anew from it
 PLAIN: Final = 0.5  # of what the best cause leaves: with less, a consequence of the drive is a cause all the same
+LATER: Final = 1.2  # times what lies between current and speed, in s: five limits of six had at most 0.6, what was none
+# had 1.4 to 2 in four of six drives
 HOLDING: Final = ("crop_load",)  # holds the machine back as dry friction does, by the mean of its signal alone:
 OWN: Final = 0.25  # of what it takes away, that friction must leave for the signal to say anything,
 OWN_TOLD: Final = 0.15  # and this share must be left where the pressure tells what of the signal the drive moves
@@ -143,7 +146,9 @@ def tried_beside(
         )
         for one in alone
     ]
-    tried = sorted((weighed(one, said.beside.get(one.name)) for one in tried), key=counted, reverse=True)
+    weighty = [weighed(one, said.beside.get(one.name)) for one in tried]
+    weighty = [replace(one, credit=0.0) if lingers(one.judged) else one for one in weighty]
+    tried = sorted(weighty, key=counted, reverse=True)
     unrecorded = said.name if said.through is Through.UNRECORDED else ""
     return Step(present, tuple(tried), background, unrecorded, said.forces, said.refuted, said.margin)
 
@@ -187,6 +192,16 @@ def rings(judged: Sequence[Judged]) -> bool:
     """Whether a resonance, if one is tried, swings back by a sixth or more: else a response is quick and then slow."""
     damping = [one.explanation.core.damping for one in judged if one.candidate == "resonance"]
     return all(one < RINGS for one in damping)
+
+
+def lingers(one: Judged) -> bool:
+    """Whether it is a limit of the power that the machine follows later than it follows the current.
+
+    Nothing does that. Soil and loads that the pressure shows, too, are what is fitted so.
+    """
+    limits = [effect for effect in one.explanation.effects if effect.name == one.candidate == PowerLimit.name]
+    late_s = LATER * one.explanation.core.behind_s
+    return any(isinstance(it, PowerLimit) and "follow_s" not in it.idle and it.follow_s > late_s for it in limits)
 
 
 def taken_for_the_other(search: Search, present: Judged, judged: Sequence[Judged]) -> tuple[str, ...]:

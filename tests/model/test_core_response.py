@@ -188,3 +188,13 @@ def test_the_discrete_model_runs_as_the_core_but_for_the_taps_that_it_leaves_out
     run = free_run(discretised(core, (), (), c_0, period_s, longer), u, speed, {})
     known = np.isfinite(run)
     assert run[known] == pytest.approx(speed[known], abs=1e-5)
+
+
+@EACH
+def test_the_speed_moves_as_much_later_than_the_current_as_its_parts_add(core):
+    period_s, count = 0.02, 4000
+    without = replace(core, resonance_share=0.0)
+    speed = np.cumsum(without.response(period_s, count))
+    a = without.pole(period_s)
+    through = signal.lfilter([1.0 - a], [1.0, -a], speed)
+    assert period_s * np.sum(1.0 - through) == pytest.approx(without.behind_s, abs=1.5 * period_s)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from cruise.effects.dead_zone import DeadZone
+from cruise.effects.power_limit import PowerLimit
 from cruise.effects.saturation import Saturation
 from cruise.identification.structures import parse
 from cruise.validation import trying
@@ -19,8 +20,10 @@ from cruise.validation.search import Search
 from cruise.validation.study import Study, study
 from cruise.validation.tried import Step
 from cruise.validation.trying import (
+    LATER,
     MOVED,
     SURE_OF_SLIP,
+    lingers,
     of_its_own,
     of_the_best_kind,
     rings,
@@ -171,6 +174,26 @@ def test_a_resonance_that_needs_all_the_dead_time_there_may_be_stands_in_for_mor
     assert not stands_in_for_dead_time(plain.search, [judged("resonance", most_s, 0.7), delay]), "it rings"
     assert stands_in_for_dead_time(plain.search, [judged("resonance", most_s, 0.95)]), "more is not to be had"
     assert not stands_in_for_dead_time(plain.search, [delay])
+
+
+def test_a_limit_that_the_machine_follows_later_than_the_current_is_none(plain):
+    """Soil and loads that show in the pressure last longer than a machine takes to follow its pump."""
+
+    def judged(effect: PowerLimit, name: str = "power_limit") -> Judged:
+        there = plain.search.plan(with_effect(plain.base.explanation, effect))
+        return replace(plain.base, candidate=name, fit=replace(plain.base.fit, layout=there, vector=there.vector))
+
+    late_s = LATER * plain.base.explanation.core.behind_s
+    assert lingers(judged(PowerLimit(power_kw=40.0, follow_s=1.05 * late_s)))
+    assert not lingers(judged(PowerLimit(power_kw=40.0, follow_s=0.95 * late_s)))
+    assert not lingers(judged(PowerLimit(onset_pct=90.0, follow_s=1.05 * late_s))), "the load cuts, whatever follows"
+    assert not lingers(judged(PowerLimit(power_kw=40.0, follow_s=1.05 * late_s), "grade")), "it was there before"
+
+
+def test_what_lingers_counts_against_nobody(plain, monkeypatch):
+    monkeypatch.setattr(trying, "lingers", lambda one: one.candidate == "dead_zone")
+    credit = {one.name: one.credit for one in tried(plain, plain.base).tried}
+    assert credit["dead_zone"] == 0.0 < credit["saturation"]
 
 
 def test_a_resonance_that_hardly_swings_back_is_none(plain):

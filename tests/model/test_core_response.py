@@ -196,5 +196,5 @@ def test_the_speed_moves_as_much_later_than_the_current_as_its_parts_add(core):
     without = replace(core, resonance_share=0.0)
     speed = np.cumsum(without.response(period_s, count))
     a = without.pole(period_s)
-    through = signal.lfilter([1.0 - a], [1.0, -a], speed)
+    through = np.asarray(signal.lfilter([1.0 - a], [1.0, -a], speed))
     assert period_s * np.sum(1.0 - through) == pytest.approx(without.behind_s, abs=1.5 * period_s)

@@ -48,8 +48,8 @@ FREED: Final = 0.3  # of the cost, that an effect must take away for its spare s
 ASTRAY: Final = 2.0  # times the cost without an effect, beyond which no fit of it is one: at neutral it takes nothing
 MOVED: Final = 0.03  # of the cost, by which a better core makes all be tried anew from it
 PLAIN: Final = 0.5  # of what the best cause leaves: with less, a consequence of the drive is a cause all the same
-LATER: Final = 1.2  # times what lies between current and speed, in s: five limits of six had at most 0.6, what was none
-# had 1.4 to 2 in four of six drives
+LATER: Final = 1.2  # times what lies between current and speed: seven limits had at most 0.5 s, and what was none had
+# 1.4 to 2 s in four drives of eight
 HOLDING: Final = ("crop_load",)  # holds the machine back as dry friction does, by the mean of its signal alone:
 OWN: Final = 0.25  # of what it takes away, that friction must leave for the signal to say anything,
 OWN_TOLD: Final = 0.15  # and this share must be left where the pressure tells what of the signal the drive moves

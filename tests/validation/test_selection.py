@@ -29,6 +29,7 @@ from cruise.validation.tried import (
     RARE,
     RESISTANCE,
     RESISTS,
+    SHOWING_SOIL,
     SOME,
     SURE,
     WHOLE,
@@ -376,7 +377,7 @@ def test_what_few_blocks_hold_needs_more_evidence(grade):
     assert not enough(replace(one, evidence=1e4, sureness=0.9 * rare))
 
 
-@pytest.mark.parametrize("name", sorted(RESISTANCE))
+@pytest.mark.parametrize("name", sorted(SHOWING_SOIL))
 def test_what_soil_looks_like_needs_more_of_everything_where_it_takes_little(grade, name):
     one = replace(grade.steps[0].tried[0], name=name, gain=0.4, credit=1.0, sureness=SURE)
     asks = RESISTS * asked(0.4)

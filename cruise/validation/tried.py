@@ -16,7 +16,8 @@ LEAST_GAIN: Final = 0.15  # of the present loss: errors that fall by less than 8
 MUCH: Final = 0.6  # of the present loss: no background takes so much, so that half the evidence is enough,
 FEW: Final = 0.5  # of it: a little of several effects may take less together, so that half as much again is asked
 RESISTANCE: Final = frozenset({"coulomb_friction", "rolling_resistance"})  # what soil looks like that nobody recorded:
-SHOWING_SOIL: Final = RESISTANCE | {"crop_load"}  # or in whose signal it shows: the engine carries soil as crop;
+CARRIED: Final = ("crop_load", 0.5)  # in whose signal it shows, as the engine carries it, too: it needs so much of the
+# evidence in any case, where it takes few;
 RESISTS: Final = 1.5  # times the evidence, or `ANYHOW`, where such a one takes few and nothing else was found before it
 LEAST_LEFT: Final = 1e-9  # of the loss: what is left of it where there is no noise at all
 SURE: Final = 1.5  # standard errors of a held-out gain; a few blocks may hold all of it,
@@ -106,7 +107,9 @@ def asked_alone(one: Tried) -> float:
 
 def may_be_soil(one: Tried) -> bool:
     """Whether soil that nobody recorded, as every field has, may pass for what a candidate explains."""
-    return _like_soil(one) and one.counted < asked_alone(one) and one.sureness < ANYHOW
+    carried, share = CARRIED
+    least = share * asked(one.gain) if one.name == carried and one.gain < FEW else 0.0
+    return one.counted < (asked_alone(one) if _like_soil(one) else least) and one.sureness < ANYHOW
 
 
 def soil_short(one: Tried) -> float:
@@ -116,7 +119,7 @@ def soil_short(one: Tried) -> float:
 
 
 def _like_soil(one: Tried) -> bool:
-    return one.name in SHOWING_SOIL and one.gain < FEW
+    return one.name in RESISTANCE and one.gain < FEW
 
 
 def share_of_all(one: Tried, step: Step) -> float:

@@ -23,7 +23,7 @@ from cruise.validation.unnamed import RestCurrent
 DOUBTFUL: Final = 0.5  # confidence below which an effect may be missing, rather than is
 FAR: Final = 2.5  # times the noise, from which an error is far above it
 NEGLIGIBLE: Final = 1e-9  # in any unit that numbers are shown in
-ANSWERS: Final = "for its signal answers to the drive itself, or nothing of its name has the shape that fits best"
+ANSWERS: Final = "for its signal answers to the drive itself, or its best fit has a shape that no such effect has"
 QUICK: Final = 1.1  # of its lower bound, a time that wants to be shorter
 COARSE: Final = 2.0  # periods, within which a quick drive answers
 AT_REST: Final = frozenset({"dead_zone", "coulomb_friction"})  # look alike but for how the machine comes to rest

@@ -316,7 +316,7 @@ def test_what_does_not_count_in_full_is_said_to(hills, capsys):
     rival = [one for one in first.tried if not one.name.startswith("unnamed:")][1]
     tried = tuple(replace(one, credit=0.25) if one is rival else one for one in first.tried)
     counted = replace(hills, steps=(replace(first, tried=tried), *hills.steps[1:]))
-    why = "for its signal answers to the drive itself, or nothing of its name has the shape that fits best"
+    why = "for its signal answers to the drive itself, or its best fit has a shape that no such effect has"
     out = said(capsys, counted)
     assert f"*: only what counts of it, {why} " in out
     assert f"it counts for 25 %, {why} " in out

@@ -107,9 +107,12 @@ def asked_alone(one: Tried) -> float:
 
 def may_be_soil(one: Tried) -> bool:
     """Whether soil that nobody recorded, as every field has, may pass for what a candidate explains."""
+    if one.gain >= FEW or one.sureness >= ANYHOW:
+        return False
     carried, share = CARRIED
-    least = share * asked(one.gain) if one.name == carried and one.gain < FEW else 0.0
-    return one.counted < (asked_alone(one) if _like_soil(one) else least) and one.sureness < ANYHOW
+    if one.name == carried:
+        return one.counted < share * asked(one.gain)
+    return one.name in RESISTANCE and one.counted < asked_alone(one)
 
 
 def soil_short(one: Tried) -> float:

@@ -93,10 +93,15 @@ class Core:
         return felt[:count]
 
     @property
-    def behind_s(self) -> float:
-        """How much later than the current the speed moves: the dead time, and the mean of what each part adds."""
+    def answers_s(self) -> float:
+        """How much later the speed moves than the dead time alone has it: the mean of what each part adds."""
         servo_s = self.servo_damping / (math.pi * self.servo_hz) if self.servo_hz else 0.0
-        return self.delay_s + self.lag_s + self.second_lag_s + servo_s + self.time_constant_s
+        return self.lag_s + self.second_lag_s + servo_s + self.time_constant_s
+
+    @property
+    def behind_s(self) -> float:
+        """How much later than the current the speed moves."""
+        return self.delay_s + self.answers_s
 
     @property
     def memory_s(self) -> float:

@@ -290,10 +290,9 @@ def _late(found: Diagnosis) -> str:
     core = found.base.explanation.core
     quickest_s = {name: QUICK * CORE[name].low for name in ("lag_s", "second_lag_s", "time_constant_s")}
     if all(getattr(core, name) < low_s for name, low_s in quickest_s.items()):
-        whole_s = core.lag_s + core.second_lag_s + core.time_constant_s
         return (
-            f"the drive answers within {whole_s:.2g} s, as quickly as a core may be here: what is found beside it may "
-            "be no more than that it is quicker still"
+            f"the drive answers within {core.answers_s:.2g} s, as quickly as a core may be here: what is found beside "
+            "it may be no more than that it is quicker still"
         )
     found_s, given_s, period_s = found.final.explanation.core.delay_s, found.study.delay_s, found.study.period_s
     periods = round((found_s - given_s) / period_s)
@@ -308,11 +307,10 @@ def _late(found: Diagnosis) -> str:
 def _coarse(found: Diagnosis) -> str:
     """Friction acts against the speed of one sample ago: of a drive that is as quick as that, it is late."""
     core, period_s = found.base.explanation.core, found.study.period_s
-    answers_s = core.behind_s - core.delay_s
-    if answers_s >= COARSE * period_s or AT_REST.isdisjoint(found.effects):
+    if core.answers_s >= COARSE * period_s or AT_REST.isdisjoint(found.effects):
         return ""
     return (
-        f"the drive answers within {answers_s:.2g} s, hardly two samples of {period_s:g} s: `--period "
+        f"the drive answers within {core.answers_s:.2g} s, hardly two samples of {period_s:g} s: `--period "
         f"{0.5 * period_s:g}` tells {_all(sorted(AT_REST))} apart better"
     )
 

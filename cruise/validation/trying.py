@@ -199,9 +199,10 @@ def lingers(one: Judged) -> bool:
 
     Nothing does that. Soil and loads that the pressure shows, too, are what is fitted so.
     """
-    limits = [effect for effect in one.explanation.effects if effect.name == one.candidate == PowerLimit.name]
-    late_s = LATER * one.explanation.core.behind_s
-    return any(isinstance(it, PowerLimit) and "follow_s" not in it.idle and it.follow_s > late_s for it in limits)
+    if one.candidate != PowerLimit.name:
+        return False
+    late_s, effects = LATER * one.explanation.core.behind_s, one.explanation.effects
+    return any(isinstance(it, PowerLimit) and "follow_s" not in it.idle and it.follow_s > late_s for it in effects)
 
 
 def taken_for_the_other(search: Search, present: Judged, judged: Sequence[Judged]) -> tuple[str, ...]:

@@ -20,25 +20,17 @@ from cruise.validation.mediator import MEDIATED
 from cruise.validation.selection import LEAST_COMMAND, least_share
 from cruise.validation.study import study
 from cruise.validation.tried import (
-    ANYHOW,
     BEYOND_DOUBT,
-    CARRIED,
-    FEW,
     LEAST_GAIN,
     LOOSE,
     MUCH,
     RARE,
     RESISTANCE,
-    RESISTS,
-    SOME,
     SURE,
     WHOLE,
     Step,
     Tried,
     asked,
-    enough,
-    may_be_soil,
-    whole,
 )
 from cruise.validation.unnamed import SPEED
 from tests.validation.diagnosing import PITCH, begun
@@ -368,59 +360,6 @@ def test_an_effect_that_is_nearly_enough_is_named_as_nothing_would_hardly_be_bel
     assert found.chosen == chosen
     near = margin_of_the_end(found)
     assert 0.05 < confidence_of(near, answer_of(Verdict.MISSING if chosen else Verdict.NOTHING, chosen)) < 0.6
-
-
-def test_what_few_blocks_hold_needs_more_evidence(grade):
-    one, (rare, times) = replace(grade.steps[0].tried[0], gain=0.4, credit=1.0), RARE
-    assert enough(replace(one, evidence=1.1 * times * asked(0.4), sureness=1.1 * rare))
-    assert not enough(replace(one, evidence=0.9 * times * asked(0.4), sureness=1.1 * rare))
-    assert not enough(replace(one, evidence=1e4, sureness=0.9 * rare))
-
-
-@pytest.mark.parametrize("name", sorted(RESISTANCE))
-def test_what_soil_looks_like_needs_more_of_everything_where_it_takes_little(grade, name):
-    one = replace(grade.steps[0].tried[0], name=name, gain=0.4, credit=1.0, sureness=SURE)
-    asks = RESISTS * asked(0.4)
-    assert may_be_soil(replace(one, evidence=0.9 * asks))
-    assert not may_be_soil(replace(one, evidence=1.1 * asks))
-    assert not may_be_soil(replace(one, evidence=0.9 * asks, sureness=ANYHOW))
-    assert not may_be_soil(replace(one, evidence=0.9 * asks, gain=1.01 * FEW))
-    assert not may_be_soil(replace(one, evidence=0.9 * asks, name="grade"))
-
-
-def test_a_load_of_the_engine_that_takes_little_needs_a_share_of_the_evidence_in_any_case(grade):
-    name, share = CARRIED
-    one = replace(grade.steps[0].tried[0], name=name, gain=0.4, credit=1.0, sureness=BEYOND_DOUBT)
-    asks = share * asked(0.4)
-    assert may_be_soil(replace(one, evidence=0.9 * asks))
-    assert not may_be_soil(replace(one, evidence=1.1 * asks))
-    assert not may_be_soil(replace(one, evidence=0.9 * asks, sureness=ANYHOW))
-    assert not may_be_soil(replace(one, evidence=0.9 * asks, gain=1.01 * FEW))
-    assert not may_be_soil(replace(one, evidence=0.9 * asks, name="grade"))
-
-
-def test_what_takes_all_that_can_be_explained_is_named_with_little_evidence(grade):
-    step = replace(grade.steps[0], background=copy(grade.steps[0].background))
-    before, (gain, sure) = step.before, WHOLE
-    step.background.noise = 0.5 * before.loss
-    one = replace(step.tried[0], gain=1.1 * gain, credit=1.0, evidence=1.1 * SOME, sureness=1.1 * sure)
-
-    def takes(share: float) -> Tried:
-        return replace(one, judged=replace(before, raw=(1.0 - 0.5 * share) * before.raw))
-
-    assert not enough(takes(0.95))
-    assert whole(takes(0.95), step)
-    assert not whole(takes(0.85), step), "soil that looks like friction takes as much"
-    for less in ({"gain": 0.9 * gain}, {"evidence": 0.9 * SOME}, {"sureness": 0.9 * sure}):
-        assert not whole(replace(takes(0.95), **less), step)
-
-
-def test_little_evidence_needs_more_standard_errors(grade):
-    one = replace(grade.steps[0].tried[0], gain=0.4, credit=1.0)
-    assert enough(replace(one, evidence=SOME, sureness=BEYOND_DOUBT))
-    assert not enough(replace(one, evidence=0.9 * SOME, sureness=BEYOND_DOUBT))
-    assert enough(replace(one, evidence=0.9 * SOME, sureness=ANYHOW))
-    assert not enough(replace(one, evidence=-SOME, sureness=ANYHOW))
 
 
 def test_a_curve_of_the_speed_is_the_effects_that_are_a_law_of_the_speed_alone():

@@ -49,7 +49,7 @@ class Ring:
         self._frozen_until_s = -1.0
         self._failed: OSError | None = None  # why there is no segment now
         self._disk = ThreadPoolExecutor(1)
-        self._brought: Future[None] | None = None  # to the disk, the last time
+        self._under_way: list[Future[None]] = []  # to the disk
         self._open(0.0)
 
     def segments(self) -> list[Path]:
@@ -68,7 +68,11 @@ class Ring:
         if now_s >= self._flush_s:
             self._flush_s = now_s + FLUSH_S
             self._writer.flush()
-            self._bring()
+            try:
+                self._on_disk()
+            finally:
+                if not self._under_way:
+                    self._bring(os.dup(self._writer.fileno()))
             self._bound()
 
     def freeze(self, now_s: float) -> None:
@@ -80,17 +84,19 @@ class Ring:
                 self._keep(path)
 
     def close(self) -> None:
-        """End the last segment."""
+        """End the last segment; OSError where it, or what was before, did not reach the disk."""
+        self._end()
         self._disk.shutdown()
-        self._writer.close()
         self._bound()
+        self._on_disk()
 
     def _go_on(self, now_s: float) -> None:
         """End the segment and begin the next."""
-        self._next_s, self._failed = now_s + AGAIN_S, None
+        self._next_s = now_s + AGAIN_S
         try:
-            self._writer.close()
+            self._end()
             self._open(now_s)
+            self._failed = None
         except OSError as error:
             self._failed = error
 
@@ -103,13 +109,25 @@ class Ring:
         self._flush_s, self._next_s = now_s + FLUSH_S, now_s + self.settings.segment_s
         self._bound()
 
-    def _bring(self) -> None:
-        """Begin to bring to the disk what was flushed, once what was before is there; OSError where that failed."""
-        before = self._brought
-        if before is None or before.done():
-            self._brought = self._disk.submit(_to_disk, os.dup(self._writer.fileno()))
-            if before is not None:
-                before.result()
+    def _end(self) -> None:
+        """End the segment, and have its end brought to the disk; one that could not be opened has none."""
+        if self._failed is None:
+            descriptor = os.dup(self._writer.fileno())
+            try:
+                self._writer.close()
+            finally:
+                self._bring(descriptor)
+
+    def _bring(self, descriptor: int) -> None:
+        """Have what the system was given brought to the disk, after what is under way."""
+        self._under_way.append(self._disk.submit(_to_disk, descriptor))
+
+    def _on_disk(self) -> None:
+        """Forget of what is under way what has arrived; OSError where some of it failed."""
+        ended = [one for one in self._under_way if one.done()]
+        self._under_way = [one for one in self._under_way if one not in ended]
+        for one in ended:
+            one.result()
 
     def _keep(self, path: Path) -> None:
         kept = path.with_name(f"exit-{path.name.partition('-')[2]}")

@@ -7,13 +7,14 @@ from types import TracebackType
 from typing import Any, Self
 
 from rich import box
-from rich.console import Console, Group
+from rich.console import Group
 from rich.live import Live as RichLive
 from rich.panel import Panel
 from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
+from cruise.cli.console import printer
 from cruise.service.cruise_node import Status
 from cruise.service.demo import Result
 
@@ -34,7 +35,7 @@ class Live:
 
     def __init__(self, seconds: float, enabled: bool, progress: bool) -> None:
         self.seconds = seconds
-        self.console = Console()
+        self.console = printer()
         self.live = RichLive(console=self.console, auto_refresh=False) if enabled else None
         self.progress = progress and not enabled
         self.shown_s = -math.inf
@@ -110,7 +111,7 @@ def number(value: float, unit: str, digits: int = 2) -> str:
 
 def summary(report: dict[str, Any], files: dict[str, Path]) -> None:
     """The figures of a drive in words."""
-    console = Console(highlight=False)
+    console = printer()
     table = Table(box=box.SIMPLE_HEAD, title=f"drive with seed {report['seed']}, {report['seconds']:.0f} s")
     for heading in ("figure", "value", "target"):
         table.add_column(heading, justify="left" if heading == "figure" else "right")

@@ -56,7 +56,7 @@ class Estimator:
         self.state: ModelState | None = None  # after the last sample
         self.applied: ModelState | None = None  # at the last sample, before its speed was observed
         self.last_s = -math.inf
-        self.forgetting = Forgetting(settings.forgetting, factory.period_s, factory.residual_std_mps**2)
+        self.forgetting = self._memory()
         self._owned = factory.na + factory.nb  # parameters that learn while engaged
         self._factory_gain = factory.dc_gain_mps_per_ma
 
@@ -112,9 +112,13 @@ class Estimator:
         self.state = None
 
     def forget(self) -> None:
-        """Begin anew with the factory's parameters and uncertainty."""
+        """Begin anew with the factory's parameters and uncertainty, and with its memory."""
         self.rls = SquareRootRls(self.rls.prior, self.rls.prior_std, self._noise_std)
+        self.forgetting = self._memory()
         self.state = None
+
+    def _memory(self) -> Forgetting:
+        return Forgetting(self.settings.forgetting, self.factory.period_s, self.factory.residual_std_mps**2)
 
     def _complete(self, sample: Sample) -> bool:
         return (

@@ -190,14 +190,17 @@ class Keeper:
                 states.append(self._waiting.get())
             open_ = states[-1][0] is not None
             newest = next((kept for kept, _ in reversed(states) if kept is not None), None)
-            if newest is not None:
-                self._write(newest)
-            for _, done in states:
-                done.set()
+            try:
+                if newest is not None:
+                    self._write(newest)
+            finally:
+                for _, done in states:
+                    done.set()
 
     def _write(self, kept: Kept) -> None:
         try:
             self._file.write(kept)
             self.problem = ""
-        except OSError as error:
-            self.problem = f"{self._file.path}: cannot be written: {error.strerror}"
+        except Exception as error:  # noqa: BLE001  # the next state must find the thread alive, whatever it is
+            why = error.strerror if isinstance(error, OSError) else f"{type(error).__name__}: {error}"
+            self.problem = f"{self._file.path}: cannot be written: {why}"

@@ -67,7 +67,7 @@ def test_what_is_flushed_is_brought_to_the_disk_and_no_frame_waits_for_it(
     fill(ring, 0.0, 8.0)
     ready.set()
     ring.close()
-    assert brought == ["log-0000001.log.gz"], "once, for all the time that the disk took"
+    assert brought == 2 * ["log-0000001.log.gz"], "once for all the time that the disk took, and once at the end"
 
 
 def test_what_did_not_reach_the_disk_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -87,6 +87,32 @@ def test_what_did_not_reach_the_disk_is_said(tmp_path: Path, monkeypatch: pytest
     disk_is_done()
     fill(ring, 2.5, 4.5)
     ring.close()
+
+
+def test_the_end_of_a_segment_is_brought_to_the_disk_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    on_disk: dict[str, bytes] = {}
+
+    def held(descriptor: int) -> None:
+        path = Path(f"/proc/self/fd/{descriptor}").readlink()
+        on_disk[path.name] = path.read_bytes()
+
+    monkeypatch.setattr(os, "fdatasync", held)
+    ring = Ring(tmp_path, SETTINGS, "can0")
+    fill(ring, 0.0, 25.5)
+    ring.close()
+    assert on_disk == {path.name: path.read_bytes() for path in ring.segments()}
+    assert len(on_disk) == 3
+
+
+def test_an_end_that_did_not_reach_the_disk_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    def broken(descriptor: int) -> None:
+        raise OSError(errno.EIO, "on purpose")
+
+    ring = Ring(tmp_path, SETTINGS, "can0")
+    fill(ring, 0.0, 0.5)
+    monkeypatch.setattr(os, "fdatasync", broken)
+    with pytest.raises(OSError, match="on purpose"):
+        ring.close()
 
 
 def test_around_an_exit_it_is_frozen(tmp_path: Path):

@@ -120,6 +120,16 @@ def test_a_restored_estimator_goes_on_as_if_nothing_had_happened(factory, machin
     )
 
 
+def test_an_estimator_that_forgets_is_as_new(factory, machine):
+    samples = machine.drive(steps(80, 2), 2)
+    one, other = Estimator(factory, EstimatorSettings()), Estimator(factory, EstimatorSettings())
+    learn(one, [replace(sample, speed_mps=1.5 * sample.speed_mps) for sample in samples[:200]])
+    one.forget()
+    learn(one, samples[200:400])
+    learn(other, samples[200:400])
+    assert one.snapshot() == other.snapshot()
+
+
 @pytest.mark.parametrize(
     ("broken", "says"),
     [

@@ -198,3 +198,18 @@ def test_the_keeper_writes_the_newest_and_says_what_is_wrong(file: StateFile, tm
     assert nowhere.problem, "once that is over, it is known what became of it"
     nowhere.close()
     assert "No such file" in nowhere.problem
+
+
+def test_the_keeper_outlives_whatever_goes_wrong(file: StateFile, monkeypatch: pytest.MonkeyPatch):
+    def broken(self: StateFile, kept: Kept) -> None:
+        raise TypeError("on purpose")
+
+    keeper = Keeper(file)
+    with monkeypatch.context() as patched:
+        patched.setattr(StateFile, "write", broken)
+        assert keeper.keep(state(1)).wait(5.0)
+    assert "TypeError: on purpose" in keeper.problem
+    assert keeper.keep(state(2)).wait(5.0)
+    keeper.close()
+    assert not keeper.problem
+    assert file.read().kept == state(2)

@@ -72,7 +72,7 @@ def _stretches(piece: Piece, range_ma: float) -> list[tuple[int, int]]:
             if run.stop - run.start < shortest:
                 continue
             steady = np.abs(slope[run] / np.median(slope[run]) - 1.0) <= STEADY
-            longest = max(runs(steady), key=lambda part: part.stop - part.start)
+            longest = max(runs(steady), key=lambda part: part.stop - part.start, default=slice(0, 0))
             if longest.stop - longest.start >= shortest:
                 found.append((run.start + longest.start, run.start + longest.stop))
     return sorted(found)

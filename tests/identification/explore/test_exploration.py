@@ -139,6 +139,12 @@ def test_no_recording_crashes_it(samples, hold, hole, dt_s, seed):
     json.dumps(explore([recording(u, y, dt_s)]).report(), allow_nan=False)
 
 
+def test_a_current_that_moves_at_no_rate_of_its_own_is_no_ramp():
+    rates = np.repeat([-5.0, 20.0, 2.0, -20.0, -2.0, 5.0], [10, 6, 9, 6, 9, 10])
+    u = np.cumsum(np.tile(rates, 4))
+    json.dumps(explore([recording(u, u / 300.0, 1.0)]).report(), allow_nan=False)
+
+
 def test_measured_drives_run_through(dart):
     columns = files.load(CONFIG / "dart_columns.yaml", RecordingSettings)
     tables = [read_csv(path, columns) for path in sorted(dart.glob("*/*.csv"))]

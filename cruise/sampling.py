@@ -99,8 +99,6 @@ class Stream:
     values: list[float] = field(default_factory=list)
     integrals: list[float] = field(default_factory=list)
     measured_s: list[float] = field(default_factory=list)
-    late: int = 0
-    restarts: int = 0
 
     def push(self, time_s: float, value: float) -> Pushed:
         """Take one reading; NaN: the sensor says that it has none. Times have to rise."""
@@ -166,14 +164,12 @@ class Stream:
             return Pushed.NO_TIME
         back_s = self.times_s[-1] - time_s
         if 0.0 < back_s <= self.stale_after_s:
-            self.late += 1
             return Pushed.LATE
         if back_s == 0.0:
             for kept in (self.times_s, self.values, self.integrals, self.measured_s):
                 kept.pop()
             return Pushed.REPLACED
         self._forget(len(self.times_s))
-        self.restarts += 1
         return Pushed.RESTARTED
 
     def _forget(self, count: int) -> None:

@@ -170,7 +170,6 @@ class PatientBus(Bus):
 
     def __init__(self, name: str, open_again: Callable[[], Bus], at_once: bool = True) -> None:
         super().__init__(name)
-        self.losses = 0
         self.problem = ""  # why it could not be opened, the last time
         self._open = open_again
         self._bus: Bus | None = open_again() if at_once else None
@@ -209,7 +208,6 @@ class PatientBus(Bus):
     def _lose(self) -> None:
         self.close()
         self._bus, self.health = None, BusHealth.LOST
-        self.losses += 1
         self._pause()
 
     def _try_again(self, timeout_s: float) -> None:

@@ -17,6 +17,7 @@ from cruise.model.model import Model
 from cruise.recording import Recording, RecordingError
 from cruise.service.recordings import ReadingSettings, read_recordings
 from cruise.settings import SettingsError
+from cruise.units import InputUnit
 
 PICTURES = (".png", ".svg", ".pdf")
 MODEL_FILES = (".yaml", ".yml")
@@ -63,8 +64,13 @@ def tables(paths: list[Path], read: ReadingSettings, period_s: float | None = No
             raise RecordingError(f"{path}: is a folder; name the recordings in it, as {path / '*.csv'} does")
         if not path.exists():
             raise RecordingError(f"{path}: no such file")
-    made_in = files.read(model).provenance.input_unit if model.endswith(MODEL_FILES) else ""
-    return read_recordings(paths, read, period_s, (made_in, Path(model).name) if made_in else None)
+    return read_recordings(paths, read, period_s, unit_of_model(model))
+
+
+def unit_of_model(model: str) -> tuple[InputUnit, str] | None:
+    """The unit in which the recordings of a model file were read, and the file's name; None where it knows none."""
+    unit = files.read(model).provenance.input_unit if model.endswith(MODEL_FILES) else ""
+    return (unit, Path(model).name) if unit else None
 
 
 def prepared_by(period_s: float | None, cutoff_hz: float, file: Model | None) -> PreparationSettings:

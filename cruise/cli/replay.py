@@ -13,8 +13,19 @@ from rich.table import Table
 
 from cruise.cli.console import printer
 from cruise.cli.places import CONFIG, REPLAY
-from cruise.cli.reading import AsJson, Columns, InputName, OutputName, Recordings, columns_of, count_of, writable
+from cruise.cli.reading import (
+    AsJson,
+    Columns,
+    InputName,
+    OutputName,
+    Recordings,
+    columns_of,
+    count_of,
+    unit_of_model,
+    writable,
+)
 from cruise.model import files
+from cruise.recording import input_unit_of
 from cruise.report.plain import plain
 from cruise.service import replay as service
 from cruise.service import settings as service_settings
@@ -38,7 +49,8 @@ def replay(
     loaded = service_settings.load(config)
     if model_file is not None:
         loaded = msgspec.structs.replace(loaded, model=str(model_file))
-    taught = service.replay(recordings, loaded, read)
+    taught = service.replay(recordings, loaded, read, unit_of_model(loaded.model))
+    unit = input_unit_of(taught.recordings)
     model = taught.node.estimator.factory
     status = taught.node.status(taught.node.ticks * taught.node.period_s)
     report = {
@@ -51,7 +63,7 @@ def replay(
         "frame_faults": {name: count for name, count in sorted(status.faults.items()) if name != "unknown"},
     }
     if test:
-        unseen = service.replay(test, loaded, read)
+        unseen = service.replay(test, loaded, read, (unit, "those that taught") if unit else None)
         report["test"] = {
             "recordings": [str(path) for path in test],
             **plain(asdict(service.judge(taught, unseen.recordings))),
@@ -59,7 +71,9 @@ def replay(
     if save is not None:
         note = f"learned online by cruise replay, from {loaded.model}"
         names = tuple(one.source for one in taught.recordings)
-        provenance = files.Provenance(recordings=names, samples=report["samples"], made_by=REPLAY, note=note)
+        provenance = files.Provenance(
+            recordings=names, samples=report["samples"], input_unit=unit, made_by=REPLAY, note=note
+        )
         files.save(save, status.learned, provenance)
     if as_json:
         print(json.dumps(report, indent=2))

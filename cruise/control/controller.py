@@ -10,7 +10,7 @@ slope of the ground, which a pitch sensor doesn't show while the machine acceler
 
 import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Annotated, Final
@@ -115,6 +115,7 @@ class Controller:
         self.trend = Trend(settings.predictive.trend_s, self.frame_s)
         self.slope: SlopeObserver | None = None  # where the model knows slopes
         self.state: ModelState | None = None
+        self.signals: Mapping[str, float] = {}  # with the observer's speed, and the slope of the ground
         self.pace = 1.0  # by which its gear slows the drive, at most 1
         self.current_ma = math.nan  # as measured last
         self.wanted_ma = 0.0  # current that the shaper moves to
@@ -127,6 +128,7 @@ class Controller:
         self.past_references: deque[float] = deque([0.0])
         self.reach_mps = 0.0, math.inf  # least and greatest that the drive gives, in m/s of steady speed
         self._drive_with(model)
+        self.pole = self._pole  # as its pace changes it
 
     @property
     def model(self) -> Model:
@@ -289,7 +291,7 @@ class Controller:
         speed_mps = self.observer.speed_mps
         self.reference.reset(speed_mps)
         self.past_references.extend([speed_mps] * len(self.past_references))
-        self.limited = ""
+        self.limited, self.plan = "", None
 
     def _programme(self, state: ModelState) -> Programme:
         """The law for the pole that the drive is about to have, in its gear, made when it is met first."""

@@ -37,6 +37,7 @@ from cruise.effects import Effect
 from cruise.model.model import Model
 
 TAIL: Final = 0.005  # share of the response that the last taps may leave out
+WHOLE_DIGITS: Final = 9  # to which a delay in periods is taken for a whole number of them
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,8 +62,8 @@ class Core:
 
     def felt(self, drive_ma: np.ndarray, period_s: float) -> np.ndarray:
         """w (N,) in mA: the drive signal (N,) as the vehicle feels it; before the first sample it was the same."""
-        whole, share = divmod(self.delay_s / period_s, 1.0)
-        held = np.concatenate([np.full(int(whole) + 1, drive_ma[0]), drive_ma])
+        whole, share = _periods(self.delay_s, period_s)
+        held = np.concatenate([np.full(whole + 1, drive_ma[0]), drive_ma])
         count = len(drive_ma)
         felt = (1.0 - share) * held[1 : count + 1] + share * held[:count]
         for lag_s in (self.lag_s, self.second_lag_s):
@@ -82,9 +83,9 @@ class Core:
             pulse = np.zeros(count + 1)
             pulse[1] = 1.0
             return self.felt(pulse, period_s)[1:]
-        whole, share = divmod(self.delay_s / period_s, 1.0)
-        felt = np.zeros(int(whole) + 2 + count)
-        felt[int(whole) : int(whole) + 2] = 1.0 - share, share
+        whole, share = _periods(self.delay_s, period_s)
+        felt = np.zeros(whole + 2 + count)
+        felt[whole : whole + 2] = 1.0 - share, share
         for lag_s in (self.lag_s, self.second_lag_s):
             if lag_s > 0.0:
                 now, before, rest = _lag(lag_s, period_s)
@@ -113,8 +114,14 @@ class Core:
     def taps(self, period_s: float) -> tuple[int, np.ndarray]:
         """The delay in samples and the h_j from there on (nb,) that matter, scaled to a sum of 1."""
         share = self.response(period_s, math.ceil(self.memory_s / period_s) + 2)
-        delay = int(self.delay_s / period_s)
+        delay, _ = _periods(self.delay_s, period_s)
         return delay, share[delay:] / share[delay:].sum()
+
+
+def _periods(delay_s: float, period_s: float) -> tuple[int, float]:
+    """The whole periods in a delay, and what is left as a share of one: 0.6 s are 3 of 0.2 s, and nothing."""
+    periods = round(delay_s / period_s, WHOLE_DIGITS)
+    return int(periods), periods % 1.0
 
 
 def _lag(lag_s: float, period_s: float) -> tuple[float, float, float]:

@@ -61,7 +61,7 @@ class CombineNode:
         self.command_s = -math.inf
         self.command_counts = True  # False from a time-out to the next inactive command
         self.lever_counts = True
-        self.lever_pct = 0.0
+        self.lever_pct = self._lever_at_exit = 0.0
         self.driven_by_cruise = False
         self.ticks = 0
 
@@ -85,7 +85,7 @@ class CombineNode:
             signal = SIGNALS[reading.name]  # a sensor saturates at the ends of its range
             self.shown[reading.sensor, reading.name] = min(max(reading.value, signal.low), signal.high)
             if reading.sensor == "drive_feedback" and reading.name == "pump_current_ma":
-                frames.append(self._frame("DriveFeedback", reading.time_s))
+                frames.append(self._feedback(reading.time_s))
         self.ticks += 1
         for outgoing in MESSAGES:
             if self.ticks % round(outgoing.period_s / self.period_s) == 0:
@@ -95,11 +95,11 @@ class CombineNode:
                 frames.append(self.codec.encode(outgoing.message, values, now_s))
         return frames
 
-    def _frame(self, message: str, time_s: float) -> Frame:
+    def _feedback(self, time_s: float) -> Frame:
         values = {
             name: self.shown.get(("drive_feedback", name), math.nan) for name in ("ground_speed_mps", "pump_current_ma")
         }
-        return self.codec.encode(message, values, time_s)
+        return self.codec.encode("DriveFeedback", values, time_s)
 
     def _inputs(self, now_s: float) -> Inputs:
         field, operator = self.field, self.operator

@@ -7,6 +7,7 @@ the file again and makes the next one with the `changes` of this one, as after S
 
 import json
 import logging
+import math
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -30,6 +31,7 @@ from cruise.service.station import FILTERS, Station
 from cruise.settings import SettingsError
 
 _NO_BUS = (BusHealth.OFF, BusHealth.LOST)
+SENDS_S = 1.0  # s without a frame for which the bus had no room, after which it has room again
 STORED_S = 0.2  # s that the loop waits for the disk where a master has something stored; less than the watchdog's
 
 
@@ -91,6 +93,7 @@ class Daemon:
         self._health = self.bus.health
         self._state = self._problem = self._no_bus = ""
         self._decision: Decision | None = None
+        self._refused, self._refused_s, self._full = 0, -math.inf, False  # frames for which the bus had no room
         if self.node.canopen is not None:
             self.node.canopen.describe(self._texts())
 
@@ -126,6 +129,7 @@ class Daemon:
         if self.bus.health is not self._health:
             self.say(f"bus {self.settings.can.channel}: {self._health} -> {self.bus.health}")
             self._health = self.bus.health
+        self._look_at_the_queue(now_s)
         if self.bus.problem != self._no_bus:
             self._no_bus = self.bus.problem
             self.say(f"waits for its bus: {self._no_bus}" if self._no_bus else "its bus is there")
@@ -141,6 +145,18 @@ class Daemon:
             self._problem = self._keeper.problem
             self.say(self._problem or "what is kept can be written again")
         self.notifier.alive(now_s)
+
+    def _look_at_the_queue(self, now_s: float) -> None:
+        """Say that frames can't be sent, when it begins, and when none was refused for a second."""
+        refused = self.bus.no_room
+        if refused > self._refused:
+            if not self._full:
+                channel = self.settings.can.channel
+                self.say(f"bus {channel}: no room to send: nobody acknowledges, or there is more than the bus carries")
+            self._full, self._refused, self._refused_s = True, refused, now_s
+        elif self._full and now_s - self._refused_s > SENDS_S:
+            self._full = False
+            self.say(f"bus {self.settings.can.channel}: sends again; {refused} frames were not sent since the start")
 
     def _texts(self) -> NodeTexts:
         """What a CANopen master may read, and have stored or forgotten."""

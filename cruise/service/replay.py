@@ -15,15 +15,15 @@ import numpy as np
 from cruise.can.codec import Codec
 from cruise.can.frame import Frame
 from cruise.can.messages import FAST_MESSAGE
-from cruise.columns import RecordingSettings
 from cruise.identification.least_squares import fit
 from cruise.identification.shapes import ahead_rms_mps
 from cruise.recording import Recording, RecordingError
 from cruise.service.combine_node import MESSAGES
 from cruise.service.cruise_node import CruiseNode
-from cruise.service.recordings import frames_of_log, is_log, read_table
+from cruise.service.recordings import ReadingSettings, frames_of_log, is_log, read_recordings
 from cruise.service.settings import CruiseSettings
 from cruise.signals import CONTEXT, INPUT, OUTPUT, SIGNALS, Sample
+from cruise.units import InputUnit
 
 PAUSE_S: Final = 5.0  # s of silence between two files: longer than any signal stays fresh, so that nothing is joined
 FAR: Final = 0.05  # of a signal's range: what is nearer to it is a sensor's noise or offset at its end
@@ -53,16 +53,19 @@ class Judged:
 def replay(
     paths: Sequence[str | Path],
     settings: CruiseSettings,
-    columns: RecordingSettings,
+    columns: ReadingSettings,
+    told: tuple[InputUnit, str] | None = None,
 ) -> Replayed:
-    """Play every file, one after the other, to one node."""
+    """Play every file, one after the other, to one node; `told` as in `read_recordings`."""
     node = CruiseNode.load(settings)
     node.plausibility = None  # what a log holds was commanded by another run than this one
     model = node.estimator.factory
     sender = Codec.load(settings.database, settings.can)
     recordings, start_s = [], 0.0
+    tables = [path for path in paths if not is_log(path, columns)]
+    read = dict(zip(tables, read_recordings(tables, columns, told=told), strict=True))
     for path in paths:
-        frames, notes = frames_of(path, columns, sender)
+        frames, notes = _frames_of(path, read.get(path), sender)
         samples = list(_play(frames, node, start_s))
         if not any(math.isfinite(sample.speed_mps) for sample in samples):
             raise RecordingError(
@@ -70,6 +73,7 @@ def replay(
                 f"frame faults: {dict(node.hearing.faults)}; check the addresses and PGNs in the settings"
             )
         recording = _recording(samples, model.period_s, Path(path).name, tuple(notes))
+        recording = replace(recording, input_unit=read[path].input_unit if path in read else "")
         absent = model.missing(recording.columns)
         if absent:
             raise RecordingError(
@@ -83,16 +87,15 @@ def replay(
     return Replayed(node, tuple(recordings))
 
 
-def frames_of(path: str | Path, columns: RecordingSettings, sender: Codec) -> tuple[Iterator[Frame], list[str]]:
+def _frames_of(path: str | Path, table: Recording | None, sender: Codec) -> tuple[Iterator[Frame], list[str]]:
     """The frames of a file, times from zero: those of a log as they are, those of a table as a machine would send them.
 
     Beside them what was lost or mended, whole once the frames have been taken.
     """
-    if is_log(path, columns):
-        notes: list[str] = []
+    notes: list[str] = []
+    if table is None:
         return frames_of_log(path, notes), notes
-    table = read_table(path, columns)
-    notes = list(table.notes)
+    notes += table.notes
     return _frames_of_table(_sendable(table, notes), sender), notes
 
 

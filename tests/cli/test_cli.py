@@ -1,6 +1,7 @@
 """The command line as a user meets it: what it prints, where it writes, and what it says when something is wrong."""
 
 import json
+import math
 import subprocess
 import sys
 from importlib.metadata import version
@@ -93,6 +94,25 @@ def test_what_was_learned_can_be_saved_and_started_from(verb, driven, tmp_path):
         code, out, err = verb(*words)
         assert (code, out) == (2, "")
         assert f"learned.yaml: no history in this file, learned online by cruise replay, from {CONFIG}" in err
+
+
+def test_a_replayed_table_is_read_in_the_unit_of_the_model_that_it_teaches(verb, tmp_path):
+    """A pedal that goes to 90 is per cent; one that was pressed to 2.5 alone would be a share of all."""
+
+    def pedal(name: str, most: float) -> Path:
+        wave = [0.5 * (1.0 - math.cos(0.3 * k / 10)) for k in range(3000)]
+        rows = [f"{k / 10:.1f},{most * one:.4f},{2.0 * most / 100.0 * one:.4f}" for k, one in enumerate(wave)]
+        (tmp_path / name).write_text("\n".join(["time_s,pedal,ground_speed_mps", *rows]))
+        return tmp_path / name
+
+    full, slow, saved = pedal("full.csv", 90.0), pedal("slow.csv", 2.5), tmp_path / "learned.yaml"
+    words = ("--config", CONFIG / "dart.yaml", "--input", "pedal", "--json")
+    code, out, err = verb("replay", full, "--test", slow, "--save", saved, *words)
+    assert code == 0, err
+    assert "input_unit: per cent" in saved.read_text()
+    code, out, err = verb("replay", slow, "--model", saved, *words)
+    assert code == 0, err
+    assert any("pedal: read as per cent like that of learned.yaml" in note for note in json.loads(out)["notes"])
 
 
 def test_what_could_not_be_judged_is_no_nan(verb, driven, monkeypatch):

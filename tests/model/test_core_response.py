@@ -107,6 +107,16 @@ def test_a_delay_between_samples_is_shared_by_both():
     assert core.response(0.1, 5) == pytest.approx([0.0, 0.0, 0.7, 0.3, 0.0], abs=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("delay_s", "period_s", "samples"), [(0.6, 0.2, 3), (0.3, 0.1, 3), (0.7, 0.1, 7), (0.15, 0.05, 3), (0.35, 0.05, 7)]
+)
+def test_a_delay_of_whole_samples_is_one_whatever_rounding_makes_of_it(delay_s, period_s, samples):
+    delay, share = Core(1.0, delay_s, 0.0, 1.0).taps(period_s)
+    assert delay == samples
+    assert share[0] > 0.5
+    assert Core(1.0, delay_s, 0.0, 1.0).response(period_s, samples + 1) == pytest.approx([0.0] * samples + [1.0])
+
+
 def continuous(core: Core, u: np.ndarray, period_s: float, per_sample: int) -> np.ndarray:
     """Speed (N,) at the ends of samples by scipy's lsim of delay, lags, resonance and vehicle, u held over each."""
     step_s = period_s / per_sample

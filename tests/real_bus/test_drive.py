@@ -10,11 +10,11 @@ import pytest
 from cruise import settings as strict
 from cruise.can.bus import open_bus
 from cruise.cli.places import CONFIG
-from cruise.columns import RecordingSettings
 from cruise.plant import PlantSettings
 from cruise.service import course, demo, replay
 from cruise.service.cruise_node import CruiseNode
 from cruise.service.loop import serve
+from cruise.service.recordings import ReadingSettings
 from tools.vcan import drive, players
 
 SEED, SECONDS = 1, 180.0
@@ -73,7 +73,7 @@ def test_its_log_played_by_canplayer_teaches_what_it_teaches_offline(driven: dic
             time.sleep(0.05)
         subprocess.run(["canplayer", "-I", str(log)], check=True)
         assert learner.end() == 0
-    estimator = replay.replay([log], settings, RecordingSettings()).node.estimator
+    estimator = replay.replay([log], settings, ReadingSettings()).node.estimator
     offline, factory = estimator.snapshot(), estimator.factory
     online = np.load(tmp_path / "theta.npy")
     assert not np.allclose(offline.theta, factory.theta, rtol=0.05), "it learned something"

@@ -129,6 +129,20 @@ def test_what_cannot_be_kept_is_said_once(settings: CruiseSettings, tmp_path: Pa
     assert len([line for line in said if "No space left on device" in line]) == 1
 
 
+def test_a_bus_without_room_is_said_when_it_begins_and_when_it_ends(settings: CruiseSettings):
+    said: list[str] = []
+    daemon = Daemon(settings, Notifier.of({}), said.append)
+
+    def each_tick(now_s: float) -> None:
+        if 0.5 < now_s < 1.0:
+            daemon.bus.no_room += 1
+
+    run(daemon, 50, each_tick)
+    begin, end = (line for line in said if line.startswith("bus"))
+    assert "no room to send" in begin
+    assert "sends again; 10 frames were not sent" in end
+
+
 def test_what_could_not_be_stored_is_no_success(settings: CruiseSettings, tmp_path: Path):
     daemon = Daemon(settings, Notifier.of({}), print)
     daemon._store()

@@ -4,15 +4,15 @@ import pytest
 
 from cruise import settings
 from cruise.cli.places import CONFIG
-from cruise.columns import RecordingSettings
 from cruise.service import replay
 from cruise.service import settings as service_settings
+from cruise.service.recordings import ReadingSettings
 
 
 @pytest.fixture(scope="module")
 def learned(dart):
     loaded = service_settings.load(CONFIG / "dart.yaml")
-    columns = settings.load(CONFIG / "dart_columns.yaml", RecordingSettings)
+    columns = settings.load(CONFIG / "dart_columns.yaml", ReadingSettings)
     files = sorted(dart.glob("*/*.csv"))
     taught = replay.replay(files[::2], loaded, columns)
     unseen = replay.replay(files[1::2], loaded, columns)

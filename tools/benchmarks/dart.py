@@ -4,9 +4,9 @@ import os
 from pathlib import Path
 
 from cruise import settings
-from cruise.columns import RecordingSettings
 from cruise.service import replay
 from cruise.service import settings as service_settings
+from cruise.service.recordings import ReadingSettings
 
 from .figures import Figure, Part
 from .recordings import CONFIG
@@ -23,7 +23,7 @@ def measure() -> Part:
         return Part(figures, notes=(f"{DATA} is not set: the measured drives are not here",))
     files = sorted((Path(data) / "dart").glob("*/*.csv"))
     loaded = service_settings.load(CONFIG / "dart.yaml")
-    columns = settings.load(CONFIG / "dart_columns.yaml", RecordingSettings)
+    columns = settings.load(CONFIG / "dart_columns.yaml", ReadingSettings)
     taught = replay.replay(files[::2], loaded, columns)
     judged = replay.judge(taught, replay.replay(files[1::2], loaded, columns).recordings)
     errors = {name: float(getattr(judged, f"{name}_mps")) for name in names}

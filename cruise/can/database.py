@@ -1,9 +1,11 @@
 """From a DBC file to what the codec needs of each message; a file that lacks something is refused with the reason.
 
 A signal has to be unsigned, little-endian and not multiplexed, as every SPN of SAE J1939-71 and ISO 11783-7 is; what
-is signed has an offset.
+is signed has an offset. It has to be in the unit of the vocabulary, and in this program's own messages to hold the
+whole range there: a speed in km/h would be taken for one in m/s, and a current that doesn't fit could not be sent.
 """
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +23,8 @@ from cruise.settings import SettingsError
 from cruise.signals import SIGNALS
 
 FRAME_BYTES: Final = 8
+_SPELLINGS: Final = {"°C": "degC", "°": "deg", "1/min": "rpm", "min-1": "rpm", "percent": "%"}
+_NO_UNIT: Final = ("-", "0/1")
 _PROTECTION: Final = {CRC: (0, 8), COUNTER: (8, 4)}  # start bit and width, E2E profile 1A
 
 
@@ -69,10 +73,12 @@ def layouts(path: str | Path, settings: CanSettings) -> tuple[Layout, ...]:
     Raises SettingsError, with every problem of the file, one a line, and what to do about it.
     """
     database = _read(Path(path))
-    problems = [f"{path}: {problem}" for contract in CONTRACTS for problem in _problems(contract, database)]
+    problems = [problem for contract in CONTRACTS for problem in _problems(contract, database)]
+    read = () if problems else tuple(_layout(one, database.get_message_by_name(one.name), settings) for one in CONTRACTS)
+    problems += [problem for one in read if one.data_id is not None for problem in _too_narrow(one)]
     if problems:
-        raise SettingsError("\n".join(problems))
-    return tuple(_layout(contract, database.get_message_by_name(contract.name), settings) for contract in CONTRACTS)
+        raise SettingsError("\n".join(f"{path}: {problem}" for problem in problems))
+    return read
 
 
 def described(path: str | Path, settings: CanSettings) -> Described:
@@ -145,9 +151,25 @@ def _signal_problem(signal: Signal | None, name: str, bits: int | None, contract
         return "not a plain unsigned little-endian signal; write it as @1+, with an offset for what is negative"
     if contract.own and name in _PROTECTION and signal.start != _PROTECTION[name][0]:
         return f"starts at bit {signal.start}, E2E profile 1 has it at bit {_PROTECTION[name][0]}; move it (SG_)"
-    if signal.conversion.scale == 0:
-        return "its scale is 0; correct it (SG_)"
+    if signal.conversion.scale <= 0:
+        return f"its scale is {signal.conversion.scale:g}; give it one above 0 (SG_)"
+    unit = SIGNALS[name].unit if name in SIGNALS else "-"
+    given = _SPELLINGS.get(signal.unit or "", signal.unit or "")
+    if unit not in _NO_UNIT and given not in ("", unit):
+        return f"its unit is {signal.unit}, expected {unit}; give scale and offset of a value in {unit} (SG_)"
     return None
+
+
+def _too_narrow(layout: Layout) -> Iterator[str]:
+    """What a message can't hold of the ranges of its signals."""
+    for field in layout.fields:
+        least, most = field.offset, field.offset + field.scale * field.last_valid
+        low, high = (bound if math.isfinite(bound) else least for bound in (field.low, field.high))
+        if least > low or most < high:
+            yield (
+                f"message {layout.name}, signal {field.name}: holds {least:g} to {most:g} {SIGNALS[field.name].unit}, "
+                f"has to hold {low:g} to {high:g}; correct scale and offset (SG_)"
+            )
 
 
 def _layout(contract: Contract, message: Message, settings: CanSettings) -> Layout:

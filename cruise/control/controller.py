@@ -37,6 +37,8 @@ from cruise.model.model import Model, ModelState
 from cruise.settings import Positive, SettingsError
 from cruise.signals import OUTPUT, Sample
 
+BEYOND_MPS: Final = 0.2  # m/s beyond what the machine can do, where the reference stops: it wants more, and not behind
+REACH_STEP_MPS: Final = 0.05  # m/s, steps of that end: it wavers with what is measured
 AT_ITS_END_MPS: Final = 1e-4  # m/s, by which a plan that can't be met misses the end of what the drive gives
 EDGE_MA: Final = 30.0  # mA, of a dead zone: by as much where it ends may be believed wrong
 IDLE_MA_PER_S: Final = 100.0  # mA/s, back to no current where the machine is too fast without any drive
@@ -127,6 +129,7 @@ class Controller:
         self.width = BelievedWidth(model)
         self.past_references: deque[float] = deque([0.0])
         self.reach_mps = 0.0, math.inf  # least and greatest that the drive gives, in m/s of steady speed
+        self.most_mps = math.inf  # that the machine can do as it is, with loads and what the model does not explain
         self._drive_with(model)
         self.pole = self._pole  # as its pace changes it
 
@@ -291,7 +294,7 @@ class Controller:
         speed_mps = self.observer.speed_mps
         self.reference.reset(speed_mps)
         self.past_references.extend([speed_mps] * len(self.past_references))
-        self.limited, self.plan = "", None
+        self.limited, self.plan, self.most_mps = "", None, math.inf
 
     def _programme(self, state: ModelState) -> Programme:
         """The law for the pole that the drive is about to have, in its gear, made when it is met first."""
@@ -315,8 +318,14 @@ class Controller:
             return believed_mps2
         return min(believed_mps2, regains * abs(speed_mps) / self.settings.predictive.believed_s)
 
+    def _within_reach_mps(self) -> float:
+        """What the reference may move to: from farther beyond what the machine can do it would come back too late."""
+        most_mps = self.most_mps + BEYOND_MPS
+        return max(math.floor(most_mps / REACH_STEP_MPS) * REACH_STEP_MPS, 0.0) if math.isfinite(most_mps) else math.inf
+
     def _plan(self, state: ModelState, setpoint_mps: float, gently: bool) -> None:
         model, settings, signals = self.model, self.settings, self.signals
+        setpoint_mps = min(setpoint_mps, self._within_reach_mps())
         self.past_references.append(self.reference.step(setpoint_mps, self.frame_s))
         if not state.gain > 0.0:  # neutral gear, or no drive at this engine speed
             self.limited = "no drive"
@@ -340,6 +349,7 @@ class Controller:
             self.wanted_mps - load_mps,
         )
         low, high = self.reach_mps = steady_mps(limits.current_min_ma), steady_mps(limits.current_max_ma)
+        self.most_mps = high + load_mps + self.observer.disturbance_mps
         slope = (high - low) / (limits.current_max_ma - limits.current_min_ma)
         servo_ma_per_s = self._servo.rate_ma_per_s
         rise = slope * min(limits.rate_max_ma_per_s, servo_ma_per_s)

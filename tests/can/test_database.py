@@ -164,6 +164,18 @@ def test_each_signal_is_missed(tmp_path: Path, contract, signal: str):
         ("EEC1: 8 Engine", "EEC1: 7 Engine", "message EEC1: 7 bytes long, expected 8"),
         ("2364540158", "2364540414", "message EEC1: PGN 61445, expected 61444; correct the identifier"),
         ("2364540158", "500", "message EEC1: not a J1939 broadcast"),
+        (
+            '0|16@1+ (0.001,0) [0|64.255] "m/s" Cruise\n SG_ setpoint_direction',
+            '0|16@1+ (0.0036,0) [0|231.3] "km/h" Cruise\n SG_ setpoint_direction',
+            "signal setpoint_mps: its unit is km/h, expected m/s; give scale and offset of a value in m/s",
+        ),
+        ("24|16@1+ (0.125,0)", "24|16@1+ (-0.125,8032)", "signal engine_speed_rpm: its scale is -0.125; give it one"),
+        ("24|16@1+ (0.125,0)", "24|16@1+ (0,0)", "signal engine_speed_rpm: its scale is 0; give it one"),
+        (
+            '(0.05,-1600) [-1600|1612.75] "mA" Transmission',
+            '(0.01,0) [0|642.55] "mA" Transmission',
+            "signal pump_current_command_ma: holds 0 to 642.55 mA, has to hold -1500 to 1500; correct scale and offset",
+        ),
         ("alive_counter : 8|4", "alive_counter : 12|4", "signal alive_counter: starts at bit 12, E2E profile 1 has it"),
     ],
 )
@@ -172,6 +184,15 @@ def test_what_is_there_but_wrong(tmp_path: Path, old: str, new: str, complaint: 
     if "alive" in old:
         text = text.replace("command_active : 12|2", "command_active : 8|2")
     assert complaint in refusal(tmp_path, text)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"), [('"rpm"', '"1/min"'), ('"rpm"', '""'), ('"deg"', '"\N{DEGREE SIGN}"'), ('"" Cruise', '"bit" Cruise')]
+)
+def test_a_unit_may_be_spelt_otherwise_or_left_out(tmp_path: Path, old: str, new: str):
+    path = tmp_path / "machine.dbc"
+    path.write_text(TEXT.replace(old, new), encoding="cp1252")
+    Codec.load(path, CanSettings())
 
 
 def test_more_signals_in_a_message_than_are_needed(tmp_path: Path):

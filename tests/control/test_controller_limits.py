@@ -135,6 +135,27 @@ def test_the_command_has_little_above_1_hz_with_a_noisy_sensor_too():
     assert math.sqrt(power[frequency_hz > 1.0].sum()) < 6.0
 
 
+def test_from_beyond_what_the_machine_can_do_it_comes_back_at_once():
+    loop = Loop(Machine()).by_hand(700.0, 20.0).engaged(1.2, 10.0).engaged(9.0, 30.0)
+    most_mps = loop.speeds[-1]
+    assert loop.commands[-1].limit_status is LimitStatus.LIMITED_HIGH
+    assert most_mps < loop.commands[-1].reference_mps < most_mps + 0.3
+    loop.engaged(1.2, 2.0)
+    assert loop.commands[-1].reference_mps < most_mps - 0.4
+    assert loop.speeds[-1] < most_mps - 0.1
+
+
+def test_what_the_machine_can_do_is_no_end_for_good():
+    """A load takes what is left at the greatest current; once it is gone, the machine goes where it was asked to."""
+    loop = Loop(Machine()).by_hand(700.0, 20.0).engaged(1.2, 10.0)
+    loop.machine.load_mps = -1.5
+    loop.engaged(2.2, 20.0)
+    assert loop.commands[-1].limit_status is LimitStatus.LIMITED_HIGH
+    loop.machine.load_mps = 0.0
+    loop.engaged(2.2, 10.0)
+    assert loop.speeds[-1] == pytest.approx(2.2, abs=0.03)
+
+
 @pytest.mark.parametrize("effects", [(Saturation(900.0),), (Hysteresis(40.0),), ()], ids=["stop", "band", "range"])
 def test_it_says_that_the_machine_can_go_no_faster_or_slower(effects):
     """A stop below the greatest current, a band that ends before it: the current never gets to its own end."""

@@ -67,7 +67,7 @@ _ALL = (
     Signal("oil_temperature_c", "degC", -40.0, 150.0, "temperature of the hydraulic oil"),
     Signal("engine_load_pct", "%", 0.0, 125.0, "engine torque in percent of the torque available at this speed"),
     Signal("line_pressure_bar", "bar", -600.0, 600.0, "pressure difference of the lines, + driving forward"),
-    Signal("setpoint_mps", "m/s", 0.0, 12.0, "speed that the operator asks for"),
+    Signal("setpoint_mps", "m/s", -64.255, 64.255, "speed that the operator asks for, however great"),
     Signal("lever_pct", "%", -100.0, 100.0, "deflection of the hydrostatic lever from its rest position"),
     Signal("brake_pedal", "0/1", 0.0, 1.0, "service brake pressed"),
     Signal("clutch_pedal", "0/1", 0.0, 1.0, "drive line opened by the operator"),

@@ -74,11 +74,13 @@ def layouts(path: str | Path, settings: CanSettings) -> tuple[Layout, ...]:
     """
     database = _read(Path(path))
     problems = [problem for contract in CONTRACTS for problem in _problems(contract, database)]
-    read = () if problems else tuple(_layout(one, database.get_message_by_name(one.name), settings) for one in CONTRACTS)
-    problems += [problem for one in read if one.data_id is not None for problem in _too_narrow(one)]
+    read: list[Layout] = []
+    if not problems:
+        read = [_layout(contract, database.get_message_by_name(contract.name), settings) for contract in CONTRACTS]
+        problems = [problem for one in read if one.data_id is not None for problem in _too_narrow(one)]
     if problems:
         raise SettingsError("\n".join(f"{path}: {problem}" for problem in problems))
-    return read
+    return tuple(read)
 
 
 def described(path: str | Path, settings: CanSettings) -> Described:

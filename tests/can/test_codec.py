@@ -64,7 +64,7 @@ def fields():
         (0x0CFD4331, "D007FFFFFFFFFFFD", "MachineSelectedSpeedCommand", {"setpoint_mps": 2.0}),
         (0x0CFD4331, "D007FFFFFFFFFFFF", "MachineSelectedSpeedCommand", {"setpoint_mps": 2.0}),
         (0x0CFD4331, "D007FFFFFFFFFFFE", "MachineSelectedSpeedCommand", {"setpoint_mps": OPEN}),  # an error
-        (0x0CFD4331, "D007FFFFFFFFFFFC", "MachineSelectedSpeedCommand", {"setpoint_mps": OPEN}),  # no cruise in reverse
+        (0x0CFD4331, "D007FFFFFFFFFFFC", "MachineSelectedSpeedCommand", {"setpoint_mps": -2.0}),  # for others to refuse
         (
             0x18FEF131,
             "FFFFFF1740FFFFFF",  # byte 4: 00 01 01 11; byte 5: 01 00 00 00

@@ -187,7 +187,8 @@ def test_what_is_there_but_wrong(tmp_path: Path, old: str, new: str, complaint: 
 
 
 @pytest.mark.parametrize(
-    ("old", "new"), [('"rpm"', '"1/min"'), ('"rpm"', '""'), ('"deg"', '"\N{DEGREE SIGN}"'), ('"" Cruise', '"bit" Cruise')]
+    ("old", "new"),
+    [('"rpm"', '"1/min"'), ('"rpm"', '""'), ('"deg"', '"\N{DEGREE SIGN}"'), ('"" Cruise', '"bit" Cruise')],
 )
 def test_a_unit_may_be_spelt_otherwise_or_left_out(tmp_path: Path, old: str, new: str):
     path = tmp_path / "machine.dbc"

@@ -98,7 +98,11 @@ def test_the_setpoint_comes_in():
     assert [(r.name, r.value, r.time_s) for r in readings] == [("setpoint_mps", 2.0, 4.5), ("cruise_enable", 1.0, 4.5)]
 
 
-@pytest.mark.parametrize("data", ["ffffff", "e12e02"])  # not available; 12.001 m/s and switch state 2
+def test_a_setpoint_that_no_machine_has_is_for_others_to_refuse():
+    assert values(started(), frame(0x211, "e12e01"))["setpoint_mps"] == pytest.approx(12.001)
+
+
+@pytest.mark.parametrize("data", ["ffffff", "00fb02"])  # not available; the first raw value above all, switch state 2
 def test_what_is_no_setpoint(data: str):
     assert all(math.isnan(value) for value in values(started(), frame(0x211, data)).values())
 
@@ -233,7 +237,7 @@ def test_nothing_on_the_bus_makes_the_node_raise(caplog: pytest.LogCaptureFixtur
             data=draw.randbytes(draw.randint(0, 8)),
         )
         for reading in end.receive(received):
-            assert math.isnan(reading.value) or 0.0 <= reading.value <= 12.0
+            assert math.isnan(reading.value) or 0.0 <= reading.value <= 64.255
         end.tick(0.001 * k, STATUS)
     assert end.state in ("PRE-OPERATIONAL", "OPERATIONAL", "STOPPED")
 

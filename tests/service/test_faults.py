@@ -52,6 +52,17 @@ def unavailable(first: int, count: int, data_id: int | None = None) -> Callable[
     return harm
 
 
+def asking(setpoint_mps: float) -> Callable[[Frame], Iterable[Frame]]:
+    """The panel asks for another speed, below zero in reverse."""
+
+    def harm(frame: Frame) -> Iterable[Frame]:
+        frame.data[:2] = round(1000.0 * abs(setpoint_mps)).to_bytes(2, "little")
+        frame.data[7] = 0xFC | (setpoint_mps > 0.0)
+        return (frame,)
+
+    return harm
+
+
 class Stuck:
     """The sender repeats its last frame: CRC intact, counter standing still."""
 
@@ -81,6 +92,8 @@ SIGNAL_FAULTS = {
     "lever not available": ("MachineState", unavailable(2, 2, CAN.data_ids.machine_state), ExitReason.FUNCTION_FAULT),
     "setpoint lost": ("MachineSelectedSpeedCommand", nothing, ExitReason.COMMAND_TIMEOUT),
     "setpoint not available": ("MachineSelectedSpeedCommand", unavailable(0, 2), ExitReason.COMMAND_TIMEOUT),
+    "setpoint of no machine": ("MachineSelectedSpeedCommand", asking(20.0), ExitReason.COMMAND_INVALID),
+    "setpoint in reverse": ("MachineSelectedSpeedCommand", asking(-1.0), ExitReason.COMMAND_INVALID),
     "panel lost": ("CCVS", nothing, ExitReason.OPERATOR_LOST),
     "switches not available": ("CCVS", unavailable(3, 1), ExitReason.OPERATOR_LOST),
 }

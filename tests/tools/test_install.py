@@ -64,6 +64,10 @@ def test_an_image_beside_us_is_whole_and_everybody_can_run_it_whatever_the_umask
     for path in (image / "opt", image / "etc", *(image / "opt").rglob("*")):
         wanted = 0o555 if path.is_dir() else 0o444
         assert path.stat().st_mode & wanted == wanted, path
+    words = ["demo", "--headless", "--seconds", "2", "--out", "out"]  # with the files that it takes by default
+    python = [image / "opt/cruise/bin/python", "-c", "import sys; from cruise.cli import main; sys.exit(main())"]
+    drove = subprocess.run([*python, *words], capture_output=True, text=True, check=False, cwd=tmp_path)
+    assert drove.returncode == 0, drove.stderr
     subprocess.run([str(ROOT / "tools/uninstall"), "--root", "image", "--purge"], check=True, cwd=tmp_path)
     assert left(image) == set()
 

@@ -4,6 +4,10 @@ import sys
 from pathlib import Path
 
 _CHECKOUT = Path(__file__).resolve().parents[2] / "config"
-CONFIG = _CHECKOUT if _CHECKOUT.is_dir() else Path(sys.prefix) / "share" / "cruise"  # where pip puts it (pyproject.toml)
+CONFIG = _CHECKOUT if _CHECKOUT.is_dir() else Path(sys.prefix) / "share" / "cruise"  # by pip: pyproject.toml
+OUT = Path(__file__).resolve().parents[2] / "config"
+CONFIG = (
+    _CHECKOUT if _CHECKOUT.is_dir() else Path(sys.prefix) / "share" / "cruise"
+)  # where pip puts it (pyproject.toml)
 OUT = Path("out")
 REPLAY = "cruise replay"

@@ -78,7 +78,7 @@ class CommissioningSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_un
     limits: CommissioningLimits = CommissioningLimits()
     speed_max_mps: Positive = 8.5  # m/s, that no experiment's own limit may exceed; just over 30 km/h
     duration_max_s: Annotated[float, msgspec.Meta(gt=0.0, le=6400.0)] = (
-        1200.0  # s, of one experiment; half an hour is a long time to hold a track free
+        1200.0  # s, of one experiment; 20 minutes are a long time to hold a track free
     )
     start_speed_max_mps: Positive = 0.3  # m/s, at which one may begin: standstill, or creeping on a slope
     lever_rest_pct: Positive = 3.0  # %, within which the lever is at rest: after the end nothing drives

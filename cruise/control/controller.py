@@ -40,7 +40,7 @@ from cruise.signals import OUTPUT, Sample
 BEYOND_MPS: Final = 0.2  # m/s beyond what the machine can do, where the reference stops: it wants more, and not behind
 REACH_STEP_MPS: Final = 0.05  # m/s, steps of that end: it wavers with what is measured
 AT_ITS_END_MPS: Final = 1e-4  # m/s, by which a plan that can't be met misses the end of what the drive gives
-EDGE_MA: Final = 30.0  # mA, of a dead zone: by as much where it ends may be believed wrong
+EDGE_MA: Final = 30.0  # mA, by how much the believed end of a dead zone may be off
 IDLE_MA_PER_S: Final = 100.0  # mA/s, back to no current where the machine is too fast without any drive
 LAW_STEPS: Final = 20.0  # per factor e, of poles and paces: those that differ by less share one programme
 

@@ -139,7 +139,7 @@ class DisturbanceObserver:
         return self._kept != self._state()
 
     def quicker(self, deviations: float = 1.0) -> float:
-        """How many times as quick as believed the drive may be, less by chance than so many standard deviations.
+        """Factor by which the drive may be quicker than its model: as estimated, and so many standard deviations more.
 
         Always as quick as its gear is by the model: a hill that comes while the drive moves makes it look slow.
         """

@@ -10,9 +10,10 @@ Everything is in m/s of steady speed: w wanted drive, constant over the blocks t
 s the drive that is sent (so the 1 Hz limit is a part of what is optimised), z what a servo of its own (`rate_limit`)
 makes of it by its lag, e = exp(-T / tau), R_+ and R_- the rates that it follows, h and d response and delay of the
 drive, l loads and disturbance with the trend that they have, A pole of the vehicle and alpha the pace by which a gear
-slows it (the same drive is sqrt(alpha) as much current in it), T frame, xi by how much acceleration, jerk or rate
-exceed their bound, as a share of it (soft: a disturbance may already have broken them, and one frame can't mend it). In
-these units the matrices depend on pole and pace alone: they are made once for each, and a frame moves vectors only.
+slows it (the same drive is sqrt(alpha) as much current in it), T frame, xi by how much acceleration and jerk exceed
+their bound, as a share of the setting, and the rate its own, in m/s2 (soft: a disturbance may already have broken them,
+and one frame can't mend it). In these units the matrices depend on pole and pace alone: they are made once for each,
+and a frame moves vectors only.
 Solver: DAQP (Arnstrom et al., IEEE TAC 67 (2022)), kept with its memory and started from the last active set.
 """
 

@@ -19,7 +19,7 @@ JUMP = 0.1  # of ln g within a frame: a gear, nothing that goes on
 
 
 class Trend:
-    """`gain` and `load_mps` are the lags m; NaN before the first sample."""
+    """`lags` are m, of the gain's logarithm and of the load in m/s; NaN before the first sample."""
 
     def __init__(self, time_s: float, frame_s: float) -> None:
         self.time_s = time_s

@@ -111,7 +111,7 @@ class Effect(ABC):
 
     @property
     def idle(self) -> frozenset[str]:
-        """Names of shapes that no fit looks for: they change nothing while others are neutral, or are spare, and so."""
+        """Shapes that no fit looks for: those without an effect at present, and spare ones that are still neutral."""
         return frozenset(name for name in self.spare if getattr(self, name) == self.parameters[name].neutral)
 
     def reshaped(self, **shape: Value) -> Self:

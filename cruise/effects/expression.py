@@ -123,7 +123,7 @@ class _Reader:
         return ExpressionError(f"column {node.col_offset + self.indent + 1}: {problem}")
 
     def value(self, node: ast.expr, depth: int) -> _Evaluate:
-        """A number."""
+        """A numerical expression, as a function of the signals and the parameters."""
         if depth > DEEPEST:
             raise self.refused(node, f"more than {DEEPEST} operations inside each other")
         match node:

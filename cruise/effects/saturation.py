@@ -1,11 +1,11 @@
 """Saturation: above a current the pump stands at its stop and gives no more oil.
 
-    f(u) = sign(u) [ |u| - s ln(1 + exp((|u| - u_1) / s)) ],   s -> 0: sign(u) min(|u|, u_1)
+    f(u) = sign(u) [ |u| - s ln(1 + exp((|u| - u_1) / s)) + s ln(1 + exp(-u_1 / s)) ],   s -> 0: sign(u) min(|u|, u_1)
 
 u solenoid current in mA, u_1 current of full stroke in mA, s width of the knee in mA: the servo's spring and the flow
-forces soften the stop. Source: section IV.C and Fig. 4 of Coen et al. 2005 ("a dead
-zone visible for small and large currents"); proportional pump controls of this class reach full stroke at about nine
-tenths of full current.
+forces soften the stop. The last term leaves nothing at no current. Source: section IV.C and Fig. 4 of Coen et al. 2005
+("a dead zone visible for small and large currents"); proportional pump controls of this class reach full stroke at
+about nine tenths of full current.
 """
 
 import math

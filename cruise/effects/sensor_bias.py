@@ -3,13 +3,13 @@
     phi_k = m_k B_(k-1),   B_k = B_(k-1) + s_k m_k ((v_g - v_w)_k - m_k B_(k-1)),   m = r + (1 - r) tanh(|v_w| / v_m)
     s_k = max(1 / (n + 1), 1 - exp(-T / tau))
 
-v_g measured ground speed and v_w wheel speed in m/s, n samples seen so far, of those that show it, tau the time in s
-for which a zero is taken to stay, T period in s: B is a mean over the first tau, then forgets with it; r what of it is
-there at rest, where a radar shows nothing, v_m = 0.15 m/s from which on a radar shows anything. It is known before
-sample k, so that the noise of a sample can't explain itself; the very first sample, before which nothing is known, uses
-its own. Source: an additive sensor fault, Isermann, Fault-Diagnosis Systems, Springer 2006; the filter is a choice of
-this program, its time is found from the data: a zero wanders with the temperature within minutes and jumps where a
-mount gives way.
+v_g measured ground speed and v_w wheel speed in m/s, n sum of m^2 over the samples so far, tau the time in s for which
+a zero is taken to stay, T period in s: B is a mean over the first tau, then forgets with it; r what of it is there at
+rest, where a radar shows nothing, v_m = 0.15 m/s from which on a radar shows anything. It is known before sample k, so
+that the noise of a sample can't explain itself; the very first sample, before which nothing is known, uses its own.
+Source: an additive sensor fault, Isermann, Fault-Diagnosis Systems, Springer 2006; the filter is a choice of this
+program, its time is found from the data: a zero wanders with the temperature within minutes and jumps where a mount
+gives way.
 """
 
 import math
@@ -59,7 +59,7 @@ class SensorBias(Effect):
     rest_share: float = 1.0
 
     def start(self, like: Value) -> State:
-        """Mean difference in m/s and samples seen so far."""
+        """Mean difference in m/s, and n."""
         return like * 0.0, like * 0.0
 
     def step(self, value: Value, past_speed: Value, signals: Signals, state: State, dt_s: float) -> tuple[Value, State]:

@@ -5,8 +5,8 @@
 theta (n,) parameters, r variance of the noise, Pi_0 = diag(1 / std_0^2) what the factory model is worth. Plain
 exponential forgetting lets the covariance of what is not excited grow without bound (wind-up); here the prior is
 forgotten at the same rate as it is fed in again, one parameter at each update as a pseudo-measurement theta_i =
-theta_0,i of variance std_0,i^2 / (n (1 - lambda)). So the covariance never exceeds the factory's, and directions that
-nothing excites return to the factory's values.
+theta_0,i of variance std_0,i^2 / (n (1 - lambda)). So the covariance of what nothing excites stays about the factory's
+(between two of its turns it grows by lambda^-n), and such directions return to the factory's values.
 
 The covariance P = S S' is held as its root S (n, n): Potter's update, which keeps P symmetric and non-negative
 whatever the rounding. Sources: Potter (in Battin, Astronautical Guidance, 1964, p. 338); Kulhavy and Kraus, "On

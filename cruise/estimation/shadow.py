@@ -32,7 +32,7 @@ class Horizon:
 
 
 class Shadow:
-    """`model`, judged sample by sample; `mean_square` runs, `proof` is the sum since `begin`."""
+    """`model`, judged sample by sample; `mean_square` runs, `proof` is the sum since it was made."""
 
     def __init__(
         self, model: Model, horizon: Horizon, past: Sequence[Passed] = (), like: "Shadow | None" = None

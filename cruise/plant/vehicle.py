@@ -8,7 +8,7 @@ the motor per turn of the wheels [-], r rolling radius [m], m mass [kg], J inert
 rolling resistance coefficient [-], F_c friction of the driveline [N], F_b brake [N], F_i resistance of an implement
 [N], F_w pull from outside [N], alpha slope [rad], d viscous drag [N s/m], c share of the flow that the motor loses at
 1 m/s [-], e its exponent [-]. Dry friction holds the machine at standstill as long as it can. With the gear in neutral
-or the clutch pressed the motor turns freely: J dw/dt = D p - T_c sign(w) - c w.
+or the clutch pressed the motor turns freely: J dw/dt = D p - T_c sign(w) - k w, k its drag [N m s].
 
 Source: the paper, equations 1, 2, 8 and 9; W.E. Wilson, Positive-displacement pumps and fluid motors (1950), for the
 restriction loss; ASAE D497 (rolling resistance 0.02 on concrete to 0.12 on soft soil); data sheets of fixed axial

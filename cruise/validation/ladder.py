@@ -16,7 +16,6 @@ from cruise.effects import EFFECTS, Custom, Stage
 from cruise.effects.dead_zone import DeadZone
 from cruise.identification.regressors import FitError
 from cruise.identification.structures import Structure
-from cruise.model import prediction
 from cruise.model.files import PhysicalCore
 from cruise.model.model import Model
 from cruise.recording import Recording
@@ -25,7 +24,7 @@ from cruise.validation.explanation import Explanation
 from cruise.validation.judged import Judged
 from cruise.validation.noise_floor import NoiseFloor, noise_floor
 from cruise.validation.numbers import numbers
-from cruise.validation.search import FOLDS, STROKE_GAIN, Search
+from cruise.validation.search import STROKE_GAIN, Search
 from cruise.validation.simulation import WARM_UP_S
 from cruise.validation.study import Show, Study, candidate, discrete, study
 from cruise.validation.terms import check_term, defined, term_candidate
@@ -121,7 +120,7 @@ def add(study: Study, effect: str | Custom, show: Show = lambda text: None) -> A
             f"{undefined[0]} was fitted to where it is not a number in every sample; give it narrower bounds"
         )
     show("judging")
-    without_mps, with_mps = (_ahead(study, one) for one in (base, after))
+    without_mps, with_mps = (search.unseen_ahead_mps(one, study.horizon) for one in (base, after))
     measured = search.scene.speed_mps
     errors = np.array([measured - without_mps, measured - with_mps])
     both = np.isfinite(errors).all(axis=0)
@@ -184,18 +183,3 @@ def _drivable(search: Search, found: Judged) -> Judged:
 
 def _loss(one: Judged) -> float:
     return one.loss
-
-
-def _ahead(study: Study, judged: Judged) -> np.ndarray:
-    """Speeds (N,) of the discrete model at the study's horizon, every one by the fold that has not seen it."""
-    search, scene = study.search, study.search.scene
-    result = np.full(len(scene), math.nan)
-    for fold, vector in enumerate(judged.folds):
-        model = judged.fit.layout.explanation(vector).model(scene.period_s)
-        for part, recording in zip(scene.parts, scene.recordings, strict=True):
-            signals = {name: scene.signals[name][part] for name in model.uses if name in scene.signals}
-            with np.errstate(over="ignore", invalid="ignore"):
-                speed = prediction.ahead(model, recording.input, recording.output, signals, study.horizon)
-            mine = search.blocks[part] % FOLDS == fold
-            result[part][mine] = speed[mine]
-    return result

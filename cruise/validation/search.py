@@ -17,6 +17,7 @@ from cruise.validation.candidates import Candidate, EffectCandidate, ways_of, wi
 from cruise.validation.disturbance import Disturbance, disturbance_of
 from cruise.validation.explanation import CORE, LONGEST_LAG_S, START, Explanation
 from cruise.validation.fitting import Fit, Layout, Objective, bounded, fit, layout
+from cruise.validation.fold_steps import fold_steps
 from cruise.validation.judged import Judged, few, gain, sureness
 from cruise.validation.simulation import RAN_AWAY_MPS, Scene, paced
 from cruise.validation.slip import slip_mps, sure_of_slip
@@ -26,8 +27,10 @@ from cruise.validation.unnamed import RestCurrent
 
 FOLDS: Final = 5
 BLOCK_S: Final = 20.0  # s: longer than any disturbance that the autoregression leaves behind
-DAMPING: Final = 1e-3  # of the diagonal, in the step to a fold's parameters: directions that nothing excites stay
-PARTS: Final = (1.0, 0.3)  # of that step, or none: the errors are not quite linear in the parameters
+PARTS: Final = (
+    1.0,
+    0.3,
+)  # of the step to a fold's parameters, or none: the errors are not quite linear
 MOST_STARTS: Final = 3  # from which fits of one candidate begin
 QUICK_STEPS: Final = 4  # of the solver, to choose among several starts
 ONE_STEP: Final = 2  # likewise: where it stands and one step on
@@ -242,19 +245,11 @@ class Search:
     def judged(self, name: str, found: Fit) -> Judged:
         """Held-out errors: for every fold the parameters move to where the rest of the recording wants them."""
         objective = Objective(self.scene, found.layout)
-        low, high = found.layout.bounds
-        scale = found.layout.scale
-        slopes, error = found.jacobian * scale, bounded(found.error_mps)
         held = self.blocks % FOLDS
-        products = np.array([slopes[held == i].T @ slopes[held == i] for i in range(FOLDS)])
-        pulls = np.array([slopes[held == i].T @ error[held == i] for i in range(FOLDS)])
-        steps = []
-        for i in range(FOLDS):
-            curvature = products.sum(axis=0) - products[i]
-            damped = curvature + np.diag(DAMPING * np.diag(curvature) + 1e-12 * np.trace(curvature) + 1e-30)
-            # The full fit's own remaining pull is no news of the fold: only what the fold takes away counts.
-            steps.append(scale * np.clip(np.linalg.solve(damped, pulls[i]), -1.0, 1.0))
-        options = [found.vector, *(np.clip(found.vector + part * step, low, high) for step in steps for part in PARTS)]
+        slopes, error_mps = found.jacobian * found.layout.scale, bounded(found.error_mps)
+        steps = fold_steps(found.layout, found.vector, slopes, error_mps, held, FOLDS)
+        moved = (np.clip(found.vector + part * step, *found.layout.bounds) for step in steps for part in PARTS)
+        options = [found.vector, *moved]
         tried = np.vstack([found.error_mps, objective.errors(options[1:])])
         tried = np.clip(tried, -RAN_AWAY_MPS, RAN_AWAY_MPS)
         squares = np.nan_to_num(tried) ** 2
@@ -294,27 +289,20 @@ class Search:
         judged = len(np.unique(self.blocks[np.isfinite(found.error_mps)]))
         return inverse @ (pulls.T @ pulls) @ inverse * few(judged) ** 2
 
-    def ahead_rms_mps(self, judged: Judged, horizon_s: float) -> float:
-        """RMS in m/s of the discrete model's error `horizon_s` ahead, every sample by the fold that has not seen it."""
-        horizon = max(round(horizon_s / self.scene.period_s), 1)
-        errors = [
-            self.ahead_errors(judged.fit.layout.explanation(vector), horizon, self.blocks % FOLDS == i)
-            for i, vector in enumerate(judged.folds)
-        ]
-        joined = np.concatenate(errors)
-        return float(np.sqrt(np.mean(joined**2))) if len(joined) else math.nan
-
-    def ahead_errors(self, one: Explanation, horizon: int, shown: np.ndarray | None = None) -> np.ndarray:
-        """Errors in m/s of the discrete model so many samples ahead, at the samples `shown` (N,) that have one."""
-        scene, errors = self.scene, []
+    def ahead_mps(self, one: Explanation, horizon: int) -> np.ndarray:
+        """Speeds (N,) of the discrete model so many samples ahead; NaN where there is none."""
+        scene, result = self.scene, np.full(len(self.scene), math.nan)
         model = one.model(scene.period_s)
         for part, recording in zip(scene.parts, scene.recordings, strict=True):
             signals = {name: scene.signals[name][part] for name in model.uses if name in scene.signals}
             with np.errstate(over="ignore", invalid="ignore"):
-                speed = prediction.ahead(model, recording.input, recording.output, signals, horizon)
-            error = recording.output - speed
-            errors.append(error[np.isfinite(error) & (shown[part] if shown is not None else True)])
-        return np.concatenate(errors)
+                result[part] = prediction.ahead(model, recording.input, recording.output, signals, horizon)
+        return result
+
+    def unseen_ahead_mps(self, judged: Judged, horizon: int) -> np.ndarray:
+        """The same, every sample by the fold that has not seen it."""
+        speeds = np.array([self.ahead_mps(judged.fit.layout.explanation(vector), horizon) for vector in judged.folds])
+        return speeds[self.blocks % FOLDS, np.arange(len(self.scene))]
 
     def _by_block(self, raw: np.ndarray, white: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         count = int(self.blocks.max()) + 1

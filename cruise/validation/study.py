@@ -143,8 +143,9 @@ def discrete(one: Study, judged: Judged) -> Model:
         moved = layout.explanation(vector + np.eye(len(vector))[i] * step[i]).model(one.period_s, model)
         slopes[:, i] = (np.asarray(moved.theta) - there) / step[i]
     std = np.sqrt(np.maximum(np.diag(slopes @ covariance @ slopes.T), 0.0))
-    ahead = one.search.ahead_errors(judged.explanation, 1)
-    return replace(model, theta_std=tuple(std.tolist()), residual_std_mps=float(np.sqrt(np.mean(ahead**2))))
+    error_mps = one.search.scene.speed_mps - one.search.ahead_mps(judged.explanation, 1)
+    residual_std_mps = float(np.sqrt(np.nanmean(error_mps**2)))
+    return replace(model, theta_std=tuple(std.tolist()), residual_std_mps=residual_std_mps)
 
 
 def _no_finer(one: Recording, period_s: float) -> Recording:

@@ -156,6 +156,20 @@ def test_every_fold_has_the_numbers_that_a_fit_without_it_finds():
     assert np.all(np.median(left, axis=0) < 0.08)  # a sixth would be left by a step that counts the held-out part
 
 
+def test_what_a_bound_holds_at_nothing_takes_nothing_off_the_held_out_error():
+    """A slope that would have to push: a fold must not keep the numbers of the full fit because it can't follow."""
+    one = recorded(240.0)
+    hills = wander(len(one), 0.2, 7, 3.0, 10.0)
+    pushed = replace(one, columns={**one.columns, OUTPUT: one.output + 0.02 * hills, "pitch_deg": hills})
+    search = search_of(pushed)
+    bare = search.judged("", search.settled(search.fitted(START)))
+    held = search.judged("grade", search.settled(search.grown(bare.explanation, EffectCandidate("grade"))))
+    assert held.explanation.loads[-1] == pytest.approx(0.0, abs=1e-6)
+    assert held.fit.cost == pytest.approx(bare.fit.cost, rel=1e-3)
+    assert bare.loss > 1.005 * bare.fit.cost
+    assert held.loss == pytest.approx(bare.loss, rel=2e-3)
+
+
 def test_every_sample_is_judged_by_the_fold_that_has_not_seen_it():
     search = search_of(recorded(160.0))
     found = search.fitted(START)
@@ -233,8 +247,9 @@ def test_the_error_ahead_is_that_of_the_discrete_models_of_the_folds():
         for part, each in zip(search.scene.parts, (one, other), strict=True):
             error = each.output - prediction.ahead(model, each.input, each.output, each.columns, 10)
             squares.append(error[(search.blocks[part] % FOLDS == fold) & np.isfinite(error)] ** 2)
-    assert search.ahead_rms_mps(judged, 2.0) == pytest.approx(np.sqrt(np.mean(np.concatenate(squares))))
-    assert len(search.ahead_errors(judged.explanation, 10)) == pytest.approx(len(one) + len(other), abs=60)
+    error_mps = search.scene.speed_mps - search.unseen_ahead_mps(judged, 10)
+    assert np.nanmean(error_mps**2) == pytest.approx(np.mean(np.concatenate(squares)))
+    assert np.isfinite(error_mps).sum() == len(np.concatenate(squares))
 
 
 # -- what nobody recorded

@@ -1,11 +1,11 @@
 """Is the data sound: gaps, jitter, clipping, stuck values, outliers, noise, and whether the input hangs on the output.
 
-    u_k = sum_i g_i u_(k-i) + sum_j h_j y_(k-j) + e_k,    F = ((R_0 - R) / m) / (R / (N - n))
+    u_k = sum_i g_i u_(k-i) + sum_j h_j y_(k-j) + e_k,    F = ((R_0 - R) / m) / (R / (N - n - m - 1))
 
-u current, y speed without their means, R residual sum of squares with and R_0 without the m past speeds, n parameters,
-N samples. Where the past speed tells something about the next current that the past current doesn't (Granger), someone
-has closed a loop: an operator who watches the speed, or a controller. A large N makes any F significant, so that the
-speed must also explain a share of what was left.
+u current, y speed without their means, R residual sum of squares with and R_0 without the m past speeds, n past
+currents, N samples. Where the past speed tells something about the next current that the past current doesn't
+(Granger), someone has closed a loop: an operator who watches the speed, or a controller. A large N makes any F
+significant, so that the speed must also explain a share of what was left.
 
 Source: C.W.J. Granger, Econometrica 37 (1969) 424; L. Ljung, System Identification, 2nd ed. 1999, sections 13.4
 (feedback) and 14.1 (outliers, missing data); R.K. Pearson, Mining Imperfect Data (2005), section 2.1 (Hampel filter).

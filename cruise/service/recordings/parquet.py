@@ -23,7 +23,7 @@ TIME_INDEX: Final = "time index"  # what labels that are times are called, where
 
 
 def read_parquet(path: str | Path, settings: RecordingSettings, dt_s: float | None = None) -> Recording:
-    """Read a Parquet file onto a uniform grid of `dt_s`, as `recording.read_csv` does.
+    """Read a Parquet file onto a uniform grid of `dt_s`, as `csv_file.read_csv` does.
 
     Raises RecordingError with file, row or column and what to do.
     """

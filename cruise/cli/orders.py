@@ -83,7 +83,7 @@ def orders(
             range(round(delay_max / period_s) + 1),
             horizon,
             smooth,
-            validation_filter(base, prepared, smooth),
+            validation_filter(base, smooth),
             lambda done, total: bar.update(task, completed=done, total=total),
         )
     drawn = orders_picture.draw(found, picture)

@@ -114,7 +114,7 @@ class Programme:
         reach = np.add.outer(np.arange(1, count + 1), np.arange(depth))  # age of past drives at every step
         past = vehicle @ np.where(reach < depth, taps[np.minimum(reach, depth - 1)], 0.0)
         past[:, 0] += vehicle @ felt @ kept**steps
-        from_states, from_wanted = shaper.response(1, count)
+        from_states, from_wanted = shaper.response(count)
         lasts_s = settings.believed_s
         trend = vehicle @ (lasts_s * -np.expm1(-steps * frame_s / lasts_s))
         self.lengths = lengths = _blocks(count - delay)

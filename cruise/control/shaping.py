@@ -30,21 +30,20 @@ class CommandShaper:
             value = self.states_ma[i] = state + self.share * (value - state)
         return value
 
-    def response(self, frames: int, horizon: int) -> tuple[np.ndarray, np.ndarray]:
-        """Means over periods of `frames` frames: (horizon, n) from the states, (horizon, horizon) from wanted values.
+    def response(self, horizon: int) -> tuple[np.ndarray, np.ndarray]:
+        """What is sent in the next `horizon` frames: (horizon, n) from the states, (horizon, horizon) from the wanted.
 
-        means = from_states @ states + from_wanted @ wanted, with one wanted value per period.
+        sent = from_states @ states + from_wanted @ wanted, with one wanted value per frame.
         """
         order = len(self.states_ma)
         probe = CommandShaper.__new__(CommandShaper)
         probe.share = self.share
 
-        def means(states: list[float], first: float) -> np.ndarray:
+        def sent(states: list[float], first: float) -> np.ndarray:
             probe.states_ma = states
-            sent = [probe.step(first if k < frames else 0.0) for k in range(frames * horizon)]
-            return np.array(sent).reshape(horizon, frames).mean(axis=1)
+            return np.array([probe.step(first if k == 0 else 0.0) for k in range(horizon)])
 
-        from_states = np.column_stack([means([float(i == j) for i in range(order)], 0.0) for j in range(order)])
-        pulse = means([0.0] * order, 1.0)
+        from_states = np.column_stack([sent([float(i == j) for i in range(order)], 0.0) for j in range(order)])
+        pulse = sent([0.0] * order, 1.0)
         lag = np.subtract.outer(np.arange(horizon), np.arange(horizon))
         return from_states, np.where(lag >= 0, pulse[np.maximum(lag, 0)], 0.0)

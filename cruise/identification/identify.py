@@ -18,7 +18,7 @@ from cruise.effects import Effect
 from cruise.identification.accuracy import Accuracy, accuracy, persistence
 from cruise.identification.armax import fit_armax
 from cruise.identification.arx import fit_arx
-from cruise.identification.families import Identified, split_over
+from cruise.identification.families import Identified
 from cruise.identification.held_out import folds
 from cruise.identification.narx import fit_narx
 from cruise.identification.output_error import fit_output_error
@@ -81,11 +81,9 @@ def with_shapes(
     return fit_shapes(model, recordings, shapes, HORIZON_S, smooth, show) if shapes else model
 
 
-def validation_filter(model: Model, recordings: Sequence[Recording], smooth: Smooth | None) -> Smooth | None:
+def validation_filter(model: Model, smooth: Smooth | None) -> Smooth | None:
     """`smooth`, unless an effect of `model` reads the speed: then nothing can be filtered before the prediction."""
-    if smooth is None or any(split_over(model, one, None) is None for one in recordings):
-        return None
-    return smooth
+    return None if model.reads_speed else smooth
 
 
 def identify(
@@ -111,7 +109,7 @@ def identify(
     shaped = with_shapes(empty, prepared, smooth, show)
     fitted = fit_family(structure, shaped, prepared, smooth)
     horizon = max(round(horizon_s / period_s), 1)
-    validation = validation_filter(shaped, prepared, smooth)
+    validation = validation_filter(shaped, smooth)
     measured = [one.output for one in prepared]
     predicted = [fitted.ahead(one, horizon, validation) for one in prepared]
     one_ahead = [fitted.ahead(one, 1, validation) for one in prepared]

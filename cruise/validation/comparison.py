@@ -90,7 +90,7 @@ def compare(
     if isinstance(model, Structure):
         structure = model
         fitted, how, ahead, free = _fitted_here(structure, prepared, period_s, smooth, horizon, show)
-        validation = validation_filter(fitted_core(fitted), prepared, smooth)
+        validation = validation_filter(fitted_core(fitted), smooth)
     else:
         structure, fitted = model
         if abs(fitted.period_s - period_s) > SAME_PERIOD * period_s:
@@ -101,7 +101,7 @@ def compare(
         for one in prepared:
             checked_signals(fitted.model, one)
         _refuse_unstable(fitted)
-        validation, how = validation_filter(fitted.model, prepared, smooth), TAKEN
+        validation, how = validation_filter(fitted.model, smooth), TAKEN
         ahead = [fitted.ahead(one, horizon, validation) for one in prepared]
         free = [fitted.free_run(one, validation) for one in prepared]
     measured = [one.output for one in prepared]
@@ -154,7 +154,7 @@ def _fitted_here(
     shaped = with_shapes(structure.model(period_s), recordings, smooth, show)
     fitted = fit_family(structure, shaped, recordings, smooth)
     _refuse_unstable(fitted)
-    validation = validation_filter(shaped, recordings, smooth)
+    validation = validation_filter(shaped, smooth)
     ahead = [np.full(len(one), np.nan) for one in recordings]
     free = [np.full(len(one), np.nan) for one in recordings]
     try:

@@ -224,9 +224,7 @@ def _neighbours(found: Comparison) -> list[Identified]:
             effects = (*model.effects[:i], other, *model.effects[i + 1 :])
             result.append(replace(fitted, model=replace(model, effects=effects)))
     filtered = found.smooth is not None
-    return [
-        one for one in result if not filtered or validation_filter(fitted_core(one), found.recordings, found.smooth)
-    ]
+    return [one for one in result if not filtered or validation_filter(fitted_core(one), found.smooth)]
 
 
 def _moved(theta: Sequence[float]) -> list[tuple[float, ...]]:

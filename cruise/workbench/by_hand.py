@@ -89,7 +89,7 @@ def judged(file: ModelFile, values: dict[str, float], compared: Compared) -> flo
     _, model = changed(file, values)
     recordings = compared.predicted.recordings
     smooth: Smooth | None = smoother(PreparationSettings(period_s=model.period_s), model.period_s)
-    validation = validation_filter(model, recordings, smooth)
+    validation = validation_filter(model, smooth)
     horizon = max(round(compared.predicted.horizon_s / model.period_s), 1)
     with np.errstate(over="ignore", invalid="ignore"):
         ahead = [of_parameters(Family.ARX, model).ahead(one, horizon, validation) for one in recordings]

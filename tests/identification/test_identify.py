@@ -161,10 +161,10 @@ def test_filtering_is_told_and_changes_the_fit():
 
 
 def test_an_effect_that_reads_the_speed_leaves_the_input_as_it_was():
-    one, smooth = SYSTEMS["arx"].record(6), smoother(FILTERED, 0.2)
-    assert validation_filter(Model(0.2, 1, 1, 0, (), (0.5, 1e-4, 0.0)), [one], smooth) is smooth
-    assert validation_filter(Model(0.2, 1, 1, 0, (Drag(),), (0.5, 1e-4, 0.1, 0.0)), [one], smooth) is None
-    assert validation_filter(Model(0.2, 1, 1, 0, (), (0.5, 1e-4, 0.0)), [one], None) is None
+    smooth = smoother(FILTERED, 0.2)
+    assert validation_filter(Model(0.2, 1, 1, 0, (), (0.5, 1e-4, 0.0)), smooth) is smooth
+    assert validation_filter(Model(0.2, 1, 1, 0, (Drag(),), (0.5, 1e-4, 0.1, 0.0)), smooth) is None
+    assert validation_filter(Model(0.2, 1, 1, 0, (), (0.5, 1e-4, 0.0)), None) is None
 
 
 def test_recordings_of_another_rate_are_brought_to_the_model_s():

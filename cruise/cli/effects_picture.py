@@ -8,7 +8,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from cruise.cli.effects_courses import COURSES, SPEED, Course
-from cruise.effects import Effect, Parameter, Stage, over
+from cruise.effects import Effect, Parameter, Stage
 from cruise.model.model import Model
 from cruise.report.colours import BLUE, GREEN, GREY, ORANGE, RED
 from cruise.signals import SIGNALS
@@ -187,7 +187,7 @@ def _loop(axis: Any, drawn: Sequence[Curve]) -> None:
     up = np.arange(0.0, 1200.0, 5.0)
     current_ma = np.concatenate([up, 1200.0 - up, -up, up - 1200.0, up])
     for one in drawn:
-        output, _ = over(one.effect, current_ma, np.zeros(len(current_ma)), {}, PERIOD_S)
+        output, _ = one.effect.over(current_ma, np.zeros(len(current_ma)), {}, PERIOD_S)
         axis.plot(current_ma, output, label=one.label, lw=1.5, **one.style)
     axis.set_title("over a slow ramp of 100 mA/s, up and down", loc="left", fontsize="medium")
     axis.set_xlabel("current (mA)")
@@ -213,7 +213,7 @@ def _stop(axis: Any, drawn: Sequence[Curve]) -> None:
 def _over_time(axis: Any, drawn: Sequence[Curve], time_s: np.ndarray, current_ma: np.ndarray, title: str) -> None:
     axis.plot(time_s, current_ma, color=GREY, lw=0.8, label="current")
     for one in drawn:
-        output, _ = over(one.effect, current_ma, np.zeros(len(time_s)), {}, time_s[1])
+        output, _ = one.effect.over(current_ma, np.zeros(len(time_s)), {}, time_s[1])
         axis.plot(time_s, output, label=one.label, lw=1.5, **one.style)
     axis.set_title(title, loc="left", fontsize="medium")
     axis.set_xlabel("time (s)")
@@ -245,7 +245,7 @@ def _in_time(axis: Any, drawn: Sequence[Curve], course: Course) -> None:
     if course.shown is not None:
         axis.plot(course.time_s, course.shown, color=GREY, lw=0.8, label=course.shows)
     for one in drawn:
-        output, _ = over(one.effect, value, past_mps, signals, course.period_s)
+        output, _ = one.effect.over(value, past_mps, signals, course.period_s)
         axis.plot(course.time_s, output, label=one.label, lw=1.5, **one.style)
     axis.set_title(course.title, loc="left", fontsize="medium")
     axis.set_xlabel("time (s)")

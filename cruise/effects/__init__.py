@@ -7,7 +7,7 @@ from cruise.effects.coulomb_friction import CoulombFriction
 from cruise.effects.crop_load import CropLoad
 from cruise.effects.custom import Custom
 from cruise.effects.dead_zone import DeadZone
-from cruise.effects.effect import Effect, Inverse, Parameter, Stage, over
+from cruise.effects.effect import Effect, Inverse, Parameter, Stage
 from cruise.effects.engine_droop import EngineDroop
 from cruise.effects.engine_speed import EngineSpeed
 from cruise.effects.gear_ratio import GearRatio
@@ -51,4 +51,4 @@ EFFECTS: Final[dict[str, type[Effect]]] = {
 }
 """Every effect by name. An effect that stands here meets the contract tests and can be used in every model file."""
 
-__all__ = ["EFFECTS", "Custom", "Effect", "Inverse", "Parameter", "Stage", "over"]
+__all__ = ["EFFECTS", "Custom", "Effect", "Inverse", "Parameter", "Stage"]

@@ -230,13 +230,3 @@ def dry_over(past_speeds: np.ndarray, crossover_mps: float, dt_s: float) -> tupl
         held = share if share == share else 0.0
     found = np.array(shares)
     return found, np.where(np.isnan(found), 0.0, found)
-
-
-def over(
-    effect: Effect, values: Value, past_speeds: np.ndarray, signals: Mapping[str, np.ndarray], dt_s: float
-) -> tuple[Value, State]:
-    """The effect over a whole recording: its output (N,) and its state after each sample, every entry (N,).
-
-    The same as stepping through it; all at once where the effect has no memory.
-    """
-    return effect.over(values, past_speeds, signals, dt_s)

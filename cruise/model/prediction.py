@@ -19,7 +19,6 @@ from typing import Final
 import numpy as np
 import scipy  # its signal part, slow to load, is loaded where it is first used: the service does without
 
-from cruise.effects import over
 from cruise.effects.effect import State, Value
 from cruise.model.model import Model, ModelState
 
@@ -96,16 +95,16 @@ def states_over(
     memory: list[State] = [None] * len(model.effects)
     drives, gain, loads = currents_ma, 1.0, []
     for i, effect in model.command_effects:
-        drives, memory[i] = over(effect, drives, past, signals, model.period_s)
+        drives, memory[i] = effect.over(drives, past, signals, model.period_s)
     past_drives = lags(drives, 0, max(model.delay + model.nb, 1) - 1)
     yielding = model.yielding(past_drives, signals)
     pace = model.stroke_pace(yielding)
     for i, effect in model.gain_effects:
-        gain, memory[i] = over(effect, gain, past, signals, model.period_s)
+        gain, memory[i] = effect.over(gain, past, signals, model.period_s)
     for i, effect in model.pacing_effects:
         pace = pace * effect.pace(signals, memory[i])
     for i, effect in model.load_effects:
-        load, memory[i] = over(effect, 0.0, past, signals, model.period_s)
+        load, memory[i] = effect.over(0.0, past, signals, model.period_s)
         loads.append(yielding * load)
     state = ModelState(
         lags(speeds_mps, 1, max(model.na, 1)),

@@ -20,7 +20,7 @@ from typing import Final
 import numpy as np
 from scipy import signal
 
-from cruise.effects import Effect, over
+from cruise.effects import Effect
 from cruise.identification.accuracy import accuracy
 from cruise.identification.families import Identified
 from cruise.identification.identify import fit_family
@@ -118,7 +118,7 @@ def ready(
     """
     drive, speed = recording.input, lagged(recording.output, 1)
     for effect in effects:
-        drive, _ = over(effect, drive, speed, {}, recording.dt_s)
+        drive, _ = effect.over(drive, speed, {}, recording.dt_s)
     filtered = {INPUT: smooth(drive), OUTPUT: smooth(recording.output) if output else recording.output}
     factor = round(1.0 / (rate_hz * recording.dt_s))
     if factor > 1:

@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from cruise.effects import Effect, Stage, over
+from cruise.effects import Effect, Stage
 from cruise.model.model import Model
 from cruise.signals import INPUT, OUTPUT, SIGNALS
 from cruise.validation.candidates import UNNAMED, owner
@@ -89,7 +89,7 @@ def _command(study: Study, before: Judged, after: Judged, effect: Effect) -> Cur
 
     def f(one: Explanation) -> np.ndarray:
         mine = next(other for other in one.effects if other.name == effect.name)
-        values, _ = over(mine, ramp, np.zeros(len(ramp)), {}, RAMP_S / POINTS)
+        values, _ = mine.over(ramp, np.zeros(len(ramp)), {}, RAMP_S / POINTS)
         return np.asarray(values)[2 * POINTS :]  # the second way round: no trace of where it began
 
     y = f(after.explanation)

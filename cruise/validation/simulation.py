@@ -17,7 +17,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from cruise.effects import Effect, Stage, over
+from cruise.effects import Effect, Stage
 from cruise.effects.low_pass import held_over
 from cruise.effects.stroke import factor
 from cruise.model.core import Core
@@ -160,7 +160,7 @@ class Scene:
                 now = {name: column[part] for name, column in self.signals.items() if name in effect.uses}
                 value = values[part] if isinstance(values, np.ndarray) else values
                 past = self.speed_mps[part]
-                result, state = over(effect, value, past, now, self.period_s)
+                result, state = effect.over(value, past, now, self.period_s)
                 results.append(np.broadcast_to(result, len(past)))
                 states.append(state)
             return np.concatenate(results), _joined(states)
@@ -184,7 +184,7 @@ class Scene:
             for raw in self.raw:
                 value, still = raw.current_ma, np.zeros(len(raw.current_ma))
                 for effect in effects:
-                    value, _ = over(effect, value, still, {}, raw.dt_s)
+                    value, _ = effect.over(value, still, {}, raw.dt_s)
                 parts.append(np.asarray(value))
             return parts
 

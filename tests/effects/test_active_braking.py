@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from cruise.effects import over
 from cruise.effects.active_braking import ActiveBraking
 from cruise.model.model import Model
 
@@ -14,7 +13,7 @@ DT_S = 0.05
 
 def paces(drive_ma, pace=0.5):
     effect = ActiveBraking(pace)
-    through, state = over(effect, drive_ma, np.zeros(len(drive_ma)), {}, DT_S)
+    through, state = effect.over(drive_ma, np.zeros(len(drive_ma)), {}, DT_S)
     np.testing.assert_array_equal(through, drive_ma)
     return effect.pace({}, state)
 

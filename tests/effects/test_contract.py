@@ -8,7 +8,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from cruise.effects import EFFECTS, Stage, over
+from cruise.effects import EFFECTS, Stage
 from cruise.signals import SIGNALS
 
 SHAPES = {
@@ -133,7 +133,7 @@ def test_stepping_equals_the_whole_recording(effect, holes, count):
         result, state = effect.step(float(value), float(speeds[k]), now, state, DT_S)
         stepped.append(result)
         states.append(state)
-    whole, remembered = over(effect, values, speeds, signals, DT_S)
+    whole, remembered = effect.over(values, speeds, signals, DT_S)
     np.testing.assert_allclose(np.broadcast_to(whole, values.shape), stepped, rtol=1e-12, atol=1e-12)
     if state is not None:
         np.testing.assert_allclose(np.array(remembered).T, states, rtol=1e-12, atol=1e-12)
@@ -163,8 +163,8 @@ def test_in_reverse_it_is_the_mirror_image(effect):
     turned = {name: -column if name in MIRRORED else column for name, column in signals.items()}
     way = 1.0 if effect.acts_as is Stage.GAIN else -1.0
     values = np.ones(200) if effect.acts_as is Stage.GAIN else currents
-    result, state = over(effect, values, speeds, signals, DT_S)
-    other, other_state = over(effect, way * values, -speeds, turned, DT_S)
+    result, state = effect.over(values, speeds, signals, DT_S)
+    other, other_state = effect.over(way * values, -speeds, turned, DT_S)
     np.testing.assert_allclose(other, way * result, rtol=1e-9, atol=1e-9)
     paces = [np.broadcast_to(effect.pace(*seen), 200) for seen in ((signals, state), (turned, other_state))]
     np.testing.assert_allclose(*paces, rtol=1e-9)
@@ -172,7 +172,7 @@ def test_in_reverse_it_is_the_mirror_image(effect):
 
 def test_whether_it_reads_the_speed_is_said_truly(effect):
     values, speeds, signals = recording(4)
-    (result, state), (other, other_state) = (over(effect, values, s, signals, DT_S) for s in (speeds, -1.7 * speeds))
+    (result, state), (other, other_state) = (effect.over(values, s, signals, DT_S) for s in (speeds, -1.7 * speeds))
     paces = effect.pace(signals, state), effect.pace(signals, other_state)
     same = np.array_equal(result, other) and np.array_equal(*paces)
     assert effect.reads_speed is not same
@@ -181,7 +181,7 @@ def test_whether_it_reads_the_speed_is_said_truly(effect):
 def test_inputs_are_untouched(effect):
     values, speeds, signals = recording(2)
     before = values.copy(), speeds.copy(), {name: column.copy() for name, column in signals.items()}
-    over(effect, values, speeds, signals, DT_S)
+    effect.over(values, speeds, signals, DT_S)
     effect.pace(signals, effect.start(0.0))
     np.testing.assert_array_equal(values, before[0])
     np.testing.assert_array_equal(speeds, before[1])
@@ -192,7 +192,7 @@ def test_inputs_are_untouched(effect):
 def test_neutral_parameters_remove_the_effect(effect):
     neutral = type(effect)(**{name: parameter.neutral for name, parameter in effect.parameters.items()})
     values, speeds, signals = recording(3)
-    result, state = over(neutral, values, speeds, signals, DT_S)
+    result, state = neutral.over(values, speeds, signals, DT_S)
     if neutral.acts_as is not Stage.LOAD:  # a load's coefficient is linear: zero removes it, whatever its shape
         np.testing.assert_allclose(result, values, rtol=1e-12)
     np.testing.assert_allclose(neutral.pace(signals, state), 1.0, rtol=1e-12)
@@ -252,7 +252,7 @@ def test_a_hole_in_the_recording_is_not_remembered(effect):
     values[20], speeds[25] = math.nan, math.nan
     for name in effect.needs:
         signals[name][30] = math.nan
-    result, state = over(effect, values, speeds, signals, DT_S)
+    result, state = effect.over(values, speeds, signals, DT_S)
     holes = {20, 25, 30}
     kept = [k for k in range(60) if k not in holes]
     assert np.isfinite(np.broadcast_to(result, 60)[kept]).all()

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cruise.effects import Custom, Stage, over
+from cruise.effects import Custom, Stage
 from cruise.effects.expression import ExpressionError
 from cruise.identification.regressors import FitError, checked_signals
 from cruise.identification.shapes import fit_shapes
@@ -43,7 +43,7 @@ def test_it_meets_the_contract(term):
     rng = np.random.default_rng(2)
     values, speeds = rng.uniform(-1200, 1200, 30), rng.uniform(-2, 2, 30)
     signals = {"header_height_mm": rng.uniform(0, 900, 30)}
-    whole, _ = over(term, values, speeds, signals, 0.2)
+    whole, _ = term.over(values, speeds, signals, 0.2)
     for k in range(30):
         now = {name: float(column[k]) for name, column in signals.items()}
         assert term.step(float(values[k]), float(speeds[k]), now, None, 0.2)[0] == pytest.approx(whole[k], rel=1e-12)

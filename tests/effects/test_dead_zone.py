@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cruise.effects.dead_zone import DeadZone
-from cruise.effects.effect import Inverse, over
+from cruise.effects.effect import Inverse
 
 OVERLAP, DETENT = DeadZone(threshold_ma=300.0), DeadZone(threshold_ma=300.0, jump_share=1.0)
 
@@ -55,7 +55,7 @@ def test_what_sticks_until_it_breaks_away_closes_at_less_than_it_opened_at():
     up_and_down = np.array(
         [0.0, 250.0, 290.0, 310.0, 400.0, 250.0, 190.0, 170.0, 250.0, -250.0, -310.0, -190.0, -170.0]
     )
-    drive_ma, _ = over(zone, up_and_down, np.zeros(len(up_and_down)), {}, 0.1)
+    drive_ma, _ = zone.over(up_and_down, np.zeros(len(up_and_down)), {}, 0.1)
     through_ma = [0.0, 0.0, 0.0, 310.0, 400.0, 250.0, 190.0, 0.0, 0.0, 0.0, -310.0, -190.0, 0.0]
     np.testing.assert_allclose(drive_ma, through_ma, atol=3.0)
 
@@ -63,7 +63,7 @@ def test_what_sticks_until_it_breaks_away_closes_at_less_than_it_opened_at():
 def test_a_current_between_the_two_thresholds_is_taken_as_one_that_never_opened_it():
     zone = DeadZone(threshold_ma=300.0, jump_share=1.0, release_share=0.6)
     assert abs(zone.step(250.0, 0.0, {}, zone.start(0.0), 0.1)[0]) < 1e-6
-    after_a_hole, _ = over(zone, np.array([400.0, 250.0, math.nan, 250.0]), np.zeros(4), {}, 0.1)
+    after_a_hole, _ = zone.over(np.array([400.0, 250.0, math.nan, 250.0]), np.zeros(4), {}, 0.1)
     np.testing.assert_allclose(after_a_hole, [400.0, 250.0, math.nan, 0.0], atol=1e-6)
 
 

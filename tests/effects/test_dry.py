@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from cruise.effects import over
 from cruise.effects.coulomb_friction import CoulombFriction
 from cruise.effects.crop_load import CropLoad
 from cruise.effects.rolling_resistance import RollingResistance
@@ -25,4 +24,4 @@ def test_it_builds_up_over_samples_is_bounded_and_holds_on_at_rest(effect, great
     speeds = np.array([0.1, 0.1, 0.1, 2.0, 0.0, 0.0, -0.1, -2.0])
     shares = [0.5, 0.5 * H + 0.5, 1.0, 1.0, H, H**2, H**3 - 0.5, -1.0]
     signals = {name: np.full(len(speeds), NOW[name]) for name in effect.needs}
-    np.testing.assert_allclose(over(effect, 0.0, speeds, signals, DT_S)[0], -greatest * np.array(shares), rtol=1e-12)
+    np.testing.assert_allclose(effect.over(0.0, speeds, signals, DT_S)[0], -greatest * np.array(shares), rtol=1e-12)

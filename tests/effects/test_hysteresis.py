@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cruise.effects.effect import over
 from cruise.effects.hysteresis import Hysteresis
 
 WIDTH_MA, AMPLITUDE_MA = 60.0, 200.0
@@ -15,7 +14,7 @@ PLAY = Hysteresis(WIDTH_MA)
 
 
 def through(currents_ma: np.ndarray) -> np.ndarray:
-    return over(PLAY, currents_ma, np.zeros(len(currents_ma)), {}, 0.2)[0]
+    return PLAY.over(currents_ma, np.zeros(len(currents_ma)), {}, 0.2)[0]
 
 
 def triangle(step_ma: float) -> np.ndarray:
@@ -47,20 +46,20 @@ def test_after_a_hole_the_current_is_taken_as_it_is():
 
 def test_of_what_is_held_in_part_the_rest_follows_at_once():
     soft = Hysteresis(WIDTH_MA, 0.25)
-    x = over(soft, np.array([500.0, 600.0, 570.0, 540.0, 500.0]), np.zeros(5), {}, 0.2)[0]
+    x = soft.over(np.array([500.0, 600.0, 570.0, 540.0, 500.0]), np.zeros(5), {}, 0.2)[0]
     assert x.tolist() == [500.0, 592.5, 570.0, 547.5, 507.5]  # a quarter of 30 mA behind, both ways
 
 
 @pytest.mark.parametrize(("closed", "left_ma"), [(0.0, 30.0), (0.4, 18.0), (1.0, 0.0)])
 def test_springs_close_the_loop_where_no_current_flows(closed, left_ma):
     effect = Hysteresis(WIDTH_MA, closed_share=closed)
-    x = over(effect, np.array([400.0, 200.0, 0.0, -200.0, 0.0, 200.0, 300.0]), np.zeros(7), {}, 0.2)[0]
+    x = effect.over(np.array([400.0, 200.0, 0.0, -200.0, 0.0, 200.0, 300.0]), np.zeros(7), {}, 0.2)[0]
     assert x.tolist() == [400.0, 230.0, left_ma, -170.0, -left_ma, 170.0, 270.0]
 
 
 def test_near_no_current_it_gives_no_more_than_twice_the_current():
     effect = Hysteresis(WIDTH_MA, closed_share=1.0)
-    x = over(effect, np.array([400.0, 20.0, 10.0, 5.0, 40.0]), np.zeros(5), {}, 0.2)[0]
+    x = effect.over(np.array([400.0, 20.0, 10.0, 5.0, 40.0]), np.zeros(5), {}, 0.2)[0]
     assert x.tolist() == [400.0, 40.0, 20.0, 10.0, 35.0]  # it stands at 35 mA, and 5 mA give no more than 10
 
 

@@ -5,13 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from cruise.effects.effect import over
 from cruise.effects.rate_limit import UNLIMITED_MA_PER_S, RateLimit
 
 
 def through(rate_ma_per_s: float, currents_ma: list[float], dt_s: float) -> list[float]:
     effect = RateLimit(rate_ma_per_s)
-    return over(effect, np.array(currents_ma), np.zeros(len(currents_ma)), {}, dt_s)[0].tolist()
+    return effect.over(np.array(currents_ma), np.zeros(len(currents_ma)), {}, dt_s)[0].tolist()
 
 
 def test_a_great_step_takes_its_size_over_the_rate_both_ways():
@@ -25,7 +24,7 @@ def test_back_to_neutral_it_may_go_at_another_rate():
     for sign in (1.0, -1.0):
         currents = sign * np.array([0.0, 500, 500, 500, 0, 0])
         np.testing.assert_allclose(
-            over(effect, currents, np.zeros(6), {}, 0.2)[0], sign * np.array([0.0, 200, 400, 500, 100, 0])
+            effect.over(currents, np.zeros(6), {}, 0.2)[0], sign * np.array([0.0, 200, 400, 500, 100, 0])
         )
 
 

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from cruise.effects import over
 from cruise.effects.sensor_bias import SensorBias
 
 DT_S = 0.2
@@ -11,7 +10,7 @@ DT_S = 0.2
 
 def phi(ground_mps, wheel_mps, filter_s=30.0):
     signals = {"ground_speed_mps": ground_mps, "wheel_speed_mps": wheel_mps}
-    return over(SensorBias(filter_s), 0.0, np.zeros(len(ground_mps)), signals, DT_S)[0]
+    return SensorBias(filter_s).over(0.0, np.zeros(len(ground_mps)), signals, DT_S)[0]
 
 
 def test_a_constant_difference_is_known_from_the_first_sample_on_at_any_speed():
@@ -50,7 +49,7 @@ def test_a_sample_without_a_speed_is_left_out():
 def test_a_radar_shows_nothing_at_rest_and_what_it_learned_once_the_machine_moves():
     wheel = np.repeat([0.0, 2.0, 0.0, 2.0], 100)
     signals = {"ground_speed_mps": wheel + 0.3 * (wheel > 0.0), "wheel_speed_mps": wheel}
-    found, _ = over(SensorBias(rest_share=0.0), 0.0, np.zeros(400), signals, DT_S)
+    found, _ = SensorBias(rest_share=0.0).over(0.0, np.zeros(400), signals, DT_S)
     assert found[101:200] == pytest.approx(np.full(99, 0.3))
     assert found[200:300] == pytest.approx(np.zeros(100))
     assert found[300:] == pytest.approx(np.full(100, 0.3))
@@ -59,5 +58,5 @@ def test_a_radar_shows_nothing_at_rest_and_what_it_learned_once_the_machine_move
 def test_at_rest_from_the_first_sample_on_its_noise_does_not_explain_itself():
     noise = 0.04 * np.random.default_rng(3).standard_normal(100)
     signals = {"ground_speed_mps": noise, "wheel_speed_mps": np.zeros(100)}
-    found, _ = over(SensorBias(rest_share=0.0), 0.0, np.zeros(100), signals, DT_S)
+    found, _ = SensorBias(rest_share=0.0).over(0.0, np.zeros(100), signals, DT_S)
     np.testing.assert_array_equal(found, 0.0)

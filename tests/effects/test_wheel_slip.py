@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from cruise.effects import over
 from cruise.effects.wheel_slip import WheelSlip
 from cruise.model.model import Model
 
@@ -14,7 +13,7 @@ def lost_mps(ground_mps, wheel_mps, filter_s=0.6):
     """What the ground lags behind the wheels, by the effect, at the measured speed of one sample ago."""
     signals = {"ground_speed_mps": ground_mps, "wheel_speed_mps": wheel_mps}
     past = np.concatenate([ground_mps[:1], ground_mps[:-1]])
-    return -over(WheelSlip(filter_s), 0.0, past, signals, DT_S)[0]
+    return -WheelSlip(filter_s).over(0.0, past, signals, DT_S)[0]
 
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])

@@ -6,9 +6,11 @@ takes its place in one step; the old one stays as `NAME.previous`, and is read w
 
     NAME.new: write, fsync;    NAME.previous: link to NAME;    NAME.new becomes NAME;    fsync of the folder
 
-so that at every instant NAME or NAME.previous is whole. What belongs to another machine is refused. With another
-model, or settings under which nothing like it can be learned, what was learned is forgotten; settings, a lower top
-speed among them, and statistics are the machine's and stay.
+so that at every instant NAME or NAME.previous is whole. What belongs to another machine, or was written by another
+version, is not used: it stays until the first write, which moves it to `NAME.of-MACHINE.vVERSION`, one file for each,
+and is read again where its machine and version are back. With another model, or settings under which nothing like it
+can be learned, what was learned is forgotten; settings, a lower top speed among them, and statistics are the machine's
+and stay.
 
 Sources: rename(2), fsync(2); T. Pillai et al., "All file systems are not created equal", OSDI 2014.
 """
@@ -21,6 +23,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Final
+from urllib.parse import quote
 
 import msgspec
 
@@ -28,6 +31,7 @@ from cruise.model.model import Model
 
 VERSION: Final = 1
 MAX_BYTES: Final = 1_000_000  # a state has a few kB
+LONGEST: Final = 100  # characters of a machine's name that go into a file's name, which may have 255 bytes
 Count = Annotated[int, msgspec.Meta(ge=0)]
 Amount = Annotated[float, msgspec.Meta(ge=0)]
 
@@ -62,13 +66,26 @@ class Kept(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     version: int = VERSION
 
 
+class Owner(msgspec.Struct, frozen=True, kw_only=True):
+    """Whose a state is: what one of any version says."""
+
+    machine: str
+    version: int
+
+    @property
+    def label(self) -> str:
+        """What a file's name calls it."""
+        name = quote(self.machine, safe="")
+        return f"of-{name if len(name) <= LONGEST else _digest(self.machine)}.v{self.version}"
+
+
 class BrokenStateError(ValueError):
     """A state that cannot be used; the message says which file and why."""
 
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """What was read: the state, None if there is none, and what was wrong with the files on the way to it."""
+    """What was read: the state, None if there is none, and what is to be said of the files on the way to it."""
 
     kept: Kept | None
     problems: tuple[str, ...]
@@ -76,7 +93,11 @@ class Found:
 
 def fingerprint(model: Model) -> str:
     """Return what tells one factory model from another: structure, shapes and parameters."""
-    return hashlib.sha256(repr(model).encode()).hexdigest()[:16]
+    return _digest(repr(model))
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 class StateFile:
@@ -85,18 +106,26 @@ class StateFile:
     def __init__(self, path: Path, machine: str, model: str) -> None:
         self.path = path
         self.previous = path.with_name(f"{path.name}.previous")
-        self.machine = machine
+        self.owner = Owner(machine=machine, version=VERSION)
+        self.aside = self._aside(self.owner)  # ours, from before another machine's came
         self.model = model
 
     def write(self, kept: Kept) -> None:
-        """Put `kept` in place of what is there. Raises OSError; what was there is then still there."""
+        """Put `kept` in place of what is there, and that aside if it is another's.
+
+        Raises OSError; what was there is then still there.
+        """
         body = msgspec.json.encode(kept)
         new, link = self.path.with_name(f"{self.path.name}.new"), self.path.with_name(f"{self.path.name}.link")
         with new.open("wb") as stream:
             stream.write(hashlib.sha256(body).hexdigest().encode() + b"\n" + body)
             stream.flush()
             os.fsync(stream.fileno())
-        if self._readable(self.path):  # a broken one must not take the place of a good one
+        for path in (self.previous, self.path):  # in this order: of one owner the newest is what stays
+            owner = self._owner(path)
+            if owner is not None and owner != self.owner:
+                path.replace(self._aside(owner))
+        if self._owner(self.path) is not None:  # a broken one must not take the place of a good one
             link.unlink(missing_ok=True)
             os.link(self.path, link)
             link.replace(self.previous)
@@ -106,6 +135,7 @@ class StateFile:
             os.fsync(folder)
         finally:
             os.close(folder)
+        self.aside.unlink(missing_ok=True)  # what is newer is on the disk
 
     def read(self, check: Callable[[Kept], None] = lambda kept: None) -> Found:
         """Return the newest state that is whole and ours, with what was learned last of which `check` raises no error.
@@ -113,15 +143,20 @@ class StateFile:
         `check` raises ValueError, LookupError or TypeError; where it always does, nothing was learned.
         """
         problems, newest = [], None
-        for path in (self.path, self.previous):
+        for path in (self.path, self.previous, self.aside):
             try:
-                kept = self._read(path)
+                owner, kept = self._read(path)
+                if kept is None:
+                    problems.append(self._of_another(owner))
+                    continue
+                if path == self.aside:
+                    problems.append(f"{path}: this machine is back: its state is taken up again")
                 newest = newest or kept
                 if kept.model != self.model:
                     problems.append(
                         f"{path}: what was learned is for model {kept.model}, here is {self.model}: forgotten"
                     )
-                    return Found(msgspec.structs.replace(newest, model=self.model, learned={}), tuple(problems))
+                    return Found(msgspec.structs.replace(newest, model=self.model, learned={}), _once(problems))
                 kept = msgspec.structs.replace(newest, learned=kept.learned)
                 check(kept)
             except FileNotFoundError:
@@ -129,32 +164,46 @@ class StateFile:
             except (OSError, ValueError, LookupError, TypeError) as error:
                 problems.append(str(error) if isinstance(error, BrokenStateError) else f"{path}: {error}")
             else:
-                return Found(kept, tuple(problems))
-        return Found(msgspec.structs.replace(newest, learned={}) if newest else None, tuple(problems))
+                return Found(kept, _once(problems))
+        return Found(msgspec.structs.replace(newest, learned={}) if newest else None, _once(problems))
 
-    def _readable(self, path: Path) -> bool:
+    def _aside(self, owner: Owner) -> Path:
+        return self.path.with_name(f"{self.path.name}.{owner.label}")
+
+    def _of_another(self, owner: Owner) -> str:
+        """What is said of a state that is not ours; of one owner the same, whichever file it is in."""
+        what, found, wanted = (
+            ("machine", owner.machine, self.owner.machine)
+            if owner.machine != self.owner.machine
+            else ("version", owner.version, self.owner.version)
+        )
+        return (
+            f"{self.path.parent}: the state in it is for {what} {found}, here is {wanted}; "
+            f"it is not used, and kept as {self._aside(owner).name}"
+        )
+
+    def _owner(self, path: Path) -> Owner | None:
+        """Whose the state at `path` is; None where there is none that could be used by anybody."""
         try:
-            self._read(path)
+            return self._read(path)[0]
         except (OSError, BrokenStateError):
-            return False
-        return True
+            return None
 
-    def _read(self, path: Path) -> Kept:
+    def _read(self, path: Path) -> tuple[Owner, Kept | None]:
+        """Whose the state at `path` is, and if it is ours, the state."""
         with path.open("rb") as stream:
             checksum, _, body = stream.read(MAX_BYTES).partition(b"\n")
         if hashlib.sha256(body).hexdigest().encode() != checksum:
             raise BrokenStateError(f"{path}: its checksum is wrong; it is not used")
         try:
-            kept = msgspec.json.decode(body, type=Kept)
+            owner = msgspec.json.decode(body, type=Owner)
+            return owner, msgspec.json.decode(body, type=Kept) if owner == self.owner else None
         except msgspec.MsgspecError as error:
             raise BrokenStateError(f"{path}: not a state of version {VERSION}: {error}") from error
-        for what, found, wanted in (
-            ("version", kept.version, VERSION),
-            ("machine", kept.machine, self.machine),
-        ):
-            if found != wanted:
-                raise BrokenStateError(f"{path}: it is for {what} {found}, here is {wanted}; it is not used")
-        return kept
+
+
+def _once(lines: list[str]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(lines))
 
 
 class Keeper:

@@ -358,8 +358,12 @@ def test_statistics_and_parameters_are_there_at_the_next_start(settings: CruiseS
     lines: list[str] = []
     third = Daemon(other, Notifier(""), lines.append)
     assert third.node.estimator.rls.theta.tolist() != learned
-    assert "it is for machine A1, here is B2" in lines[0]
-    third.bus.close()
+    assert "is for machine A1, here is B2" in lines[0]
+    run(third, 2)
+    fourth = Daemon(settings, Notifier(""), lines.append)
+    assert fourth.node.estimator.rls.theta.tolist() == learned
+    assert "this machine is back" in lines[-1]
+    fourth.bus.close()
 
 
 def test_that_a_stop_let_go_is_counted(settings: CruiseSettings):

@@ -1,5 +1,6 @@
 """What survives: whole at every instant, of this machine and model only, the one before where the newest is broken."""
 
+import hashlib
 import os
 import random
 import signal
@@ -17,7 +18,9 @@ from cruise.service import persistence
 from cruise.service.persistence import Keeper, Kept, StateFile, Statistics, fingerprint
 
 KILLS, SEED = 200, 7
-STEPS = 7  # calls in one write after which the process may be gone: open, fsync, unlink, link, two renames, fsync
+# Calls in one write after which the process may be gone: 4 opens, fsync, unlink, link, 2 renames, fsync, unlink; over
+# another's 3 opens, fsync, 3 renames, fsync, unlink.
+STEPS, STEPS_OVER_ANOTHERS = 11, 9
 
 
 def state(starts: int) -> Kept:
@@ -61,11 +64,58 @@ def test_a_truncated_file_gives_way_to_the_previous_one(file: StateFile, length:
     assert file.read().kept == state(1)
 
 
-def test_what_belongs_to_another_machine_is_refused(file: StateFile):
+def names(file: StateFile) -> list[str]:
+    return sorted(path.name for path in file.path.parent.iterdir())
+
+
+def test_what_belongs_to_another_machine_is_not_used_and_stays_until_that_machine_is_back(file: StateFile):
     file.write(state(1))
-    found = StateFile(file.path, "B2", "m").read()
+    file.write(state(2))
+    other = StateFile(file.path, "B2", "m")
+    found = other.read()
     assert found.kept is None
-    assert "it is for machine A1" in found.problems[0]
+    (said,) = found.problems
+    assert said.startswith(f"{file.path.parent}: ")
+    assert "is for machine A1, here is B2; it is not used, and kept as state.of-A1.v1" in said
+    assert names(file) == ["state", "state.previous"], "reading changes nothing"
+    for number in (3, 4):
+        other.write(msgspec.structs.replace(state(number), machine="B2"))
+    assert names(file) == ["state", "state.of-A1.v1", "state.previous"]
+    assert other.read().problems == ()
+    found = file.read()
+    assert found.kept == state(2)
+    assert "is for machine B2" in found.problems[0]
+    assert "state.of-A1.v1: this machine is back" in found.problems[1]
+    file.write(state(5))
+    assert names(file) == ["state", "state.of-B2.v1"]
+    assert file.read() == persistence.Found(state(5), ())
+    assert other.read().kept == msgspec.structs.replace(state(4), machine="B2")
+
+
+def test_of_each_machine_one_file_stays(file: StateFile):
+    for number in range(8):
+        machine = "AB"[number // 2 % 2]
+        of_this = StateFile(file.path, machine, "m")
+        of_this.write(msgspec.structs.replace(state(number), machine=machine))
+    assert names(file) == ["state", "state.of-A.v1", "state.previous"]
+
+
+@pytest.mark.parametrize("machine", ["../0815/7", "Mähdrescher " + 400 * "9"])
+def test_whatever_a_machine_is_called_its_state_is_kept_in_the_folder(file: StateFile, machine: str):
+    named = StateFile(file.path, machine, "m")
+    named.write(msgspec.structs.replace(state(1), machine=machine))
+    file.write(state(2))
+    assert len(names(file)) == 2
+    assert named.read().kept == msgspec.structs.replace(state(1), machine=machine)
+
+
+def test_a_previous_one_of_another_machine_stays_too(file: StateFile):
+    file.write(state(1))
+    file.path.rename(file.previous)
+    other = StateFile(file.path, "B2", "m")
+    for number in (3, 4):
+        other.write(msgspec.structs.replace(state(number), machine="B2"))
+    assert file.read().kept == state(1)
 
 
 def test_with_another_model_only_what_was_learned_is_forgotten(file: StateFile):
@@ -79,9 +129,16 @@ def test_with_another_model_only_what_was_learned_is_forgotten(file: StateFile):
     assert "what was learned is for model m" in found.problems[0]
 
 
-def test_another_version_is_refused(file: StateFile):
-    file.write(msgspec.structs.replace(state(1), version=persistence.VERSION + 1))
-    assert "version" in file.read().problems[0]
+def test_another_version_is_not_used_and_stays_for_a_program_that_knows_it(file: StateFile):
+    body = b'{"machine":"A1","version":2,"what":"nobody knows yet"}'
+    written = hashlib.sha256(body).hexdigest().encode() + b"\n" + body
+    file.path.write_bytes(written)
+    found = file.read()
+    assert found.kept is None
+    assert "is for version 2, here is 1; it is not used, and kept as state.of-A1.v2" in found.problems[0]
+    file.write(state(1))
+    assert file.path.with_name("state.of-A1.v2").read_bytes() == written
+    assert file.read() == persistence.Found(state(1), ())
 
 
 def test_what_the_estimator_calls_unsafe_is_refused(file: StateFile):
@@ -160,6 +217,30 @@ def test_killed_at_random_instants_nothing_is_lost_or_broken(file: StateFile):
 def test_gone_after_any_step_of_a_write_it_is_the_old_or_the_new_one(file: StateFile, step: int, monkeypatch):
     file.write(state(1))
     file.write(state(2))
+    die_in_a_write(file, step, monkeypatch)
+    found = file.read()
+    assert found.kept in (state(2), state(3))
+    assert not found.problems
+    file.write(state(4))
+    assert file.read().kept == state(4)
+
+
+@pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")
+@pytest.mark.parametrize("step", range(STEPS_OVER_ANOTHERS))
+def test_gone_after_any_step_of_a_write_over_another_machines_state_both_are_whole(
+    file: StateFile, step: int, monkeypatch
+):
+    file.write(state(1))
+    other = StateFile(file.path, "B2", "m")
+    for number in (6, 7):
+        other.write(msgspec.structs.replace(state(number), machine="B2"))
+    die_in_a_write(file, step, monkeypatch)
+    assert file.read().kept in (state(1), state(3))
+    assert other.read().kept == msgspec.structs.replace(state(7), machine="B2")
+
+
+def die_in_a_write(file: StateFile, step: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Write state 3 in a process that is gone after a step of it."""
     taken = 0
 
     def leave(real: Callable) -> Callable:
@@ -180,11 +261,6 @@ def test_gone_after_any_step_of_a_write_it_is_the_old_or_the_new_one(file: State
 
     _, status = os.waitpid(forked(work), 0)
     assert os.WIFSIGNALED(status), "the write has fewer steps than this test thinks"
-    found = file.read()
-    assert found.kept in (state(2), state(3))
-    assert not found.problems
-    file.write(state(4))
-    assert file.read().kept == state(4)
 
 
 def test_the_keeper_writes_the_newest_and_says_what_is_wrong(file: StateFile, tmp_path: Path):

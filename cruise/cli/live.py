@@ -131,6 +131,8 @@ def summary(report: dict[str, Any], files: dict[str, Path]) -> None:
     gates = ", ".join(f"{gate} {100 * share:.0f} %" for gate, share in report["gate_share"].items())
     console.print(f"gate: {gates}")
     console.print("states: " + ", ".join(f"{entry['state']} at {entry['time_s']} s" for entry in report["states"]))
+    if report["last_exit"]:
+        console.print(f"last exit: {report['last_exit']}")
     if report["interrupted"]:
         console.print("interrupted: the last command on the bus was neutral")
     for what, path in files.items():

@@ -74,27 +74,31 @@ def say(line: str) -> None:
 
 
 class Lines:
-    """A line of status every 10 s, and at once where who drives has changed or a button was refused."""
+    """A line of status every 10 s, and at once where who drives has changed or a button was refused.
+
+    What has to be known of a drive that is over, the daemon says as well, for the log.
+    """
 
     def __init__(self, node: CruiseNode) -> None:
         self._node = node
         self._next_s = 0.0
-        self._told: tuple[str, str, str] = "", "", ""
+        self._told: tuple[str, int, str] = "", 0, ""
 
     def __call__(self, now_s: float) -> None:
         """Print, if it is time to."""
         engagement = self._node.engagement
         experiment = engagement.experiment
-        doing = engagement.state, engagement.refused, experiment.name if experiment else ""
+        doing = engagement.state, engagement.refusals, experiment.name if experiment else ""
         if doing == self._told and now_s < self._next_s:
             return
         self._told, self._next_s = doing, now_s + 10.0
         status = self._node.status(now_s)
         driven = f"  experiment {status.experiment}, {status.experiment_left_s:.0f} s left" if status.experiment else ""
+        ended = f"  let go: {engagement.ended_by}" if engagement.ended_by else ""
         refused = f"  refused: {status.refused}" if status.refused else ""
         print(
             f"{now_s:8.1f} s  {status.state}  speed {status.speed_mps:.2f} m/s  setpoint {status.setpoint_mps:.2f} m/s"
             f"  gate {status.gate}  missing: {', '.join(status.missing) or 'nothing'}"
-            f"{driven}{refused}",
+            f"{driven}{ended}{refused}",
             flush=True,
         )

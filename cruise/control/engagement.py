@@ -160,7 +160,9 @@ class Engagement:
         self.exit_reason = ExitReason.NONE
         self.exit_condition = ""
         self.exit_detail = ""  # which signals contradicted each other, where that was the reason
+        self.exits = 0  # since the start
         self.refused = ""  # why the last press of a button neither engaged nor began an experiment
+        self.refusals = 0  # presses that were refused since the start
         self._last: Situation | None = None
         self._requested_mps = math.nan  # last setpoint on the bus that was heeded; a pause of its frames is no new word
         self._by_panel = False  # the setpoint is the panel's, and not that of a button
@@ -170,6 +172,15 @@ class Engagement:
         self._allowed_mps = -math.inf  # setpoint and reference as slowly as the machine may follow them down
         self._acted_s = -math.inf  # when a pedal or the lever was last seen in use while overridden
         self._moved_s = -math.inf  # when the machine was last seen to move
+
+    @property
+    def ended_by(self) -> str:
+        """Why the last engagement or experiment ended, in words; empty while one drives and where there was none."""
+        if not self.exit_condition:
+            return ""
+        detail = f", {self.exit_detail}" if self.exit_detail else ""
+        reason = self.exit_reason
+        return f"{_words(self.exit_condition)}{detail} (ISO exit reason {reason:d}, {_words(reason.name.lower())})"
 
     def step(self, now: Situation) -> State:
         """One instant on."""
@@ -189,6 +200,7 @@ class Engagement:
                 break
         if pressed and not self.refused:
             self.refused = _NOT_NOW.get(self.state, "")
+        self.refusals += pressed and bool(self.refused)
         if self.state.controls and last is not None:
             self._follow(now, last)
         elif math.isfinite(now.requested_mps):
@@ -276,6 +288,7 @@ class Engagement:
 
     def _enter(self, row: Transition, now: Situation) -> None:
         if row.source.drives and not row.target.drives:
+            self.exits += 1
             self.exit_reason, self.exit_condition = row.reason, row.condition
             self.exit_detail = self._contradiction(now) if row.condition == "implausible" else ""
         if row.target is State.OVERRIDDEN:
@@ -310,3 +323,7 @@ class Engagement:
         """Whether a setpoint on the bus is a new word: where a button had the last one, more than a knob's wavering."""
         apart_mps = 0.0 if self._by_panel else WAVERING_MPS
         return math.isfinite(word_mps) and not abs(word_mps - self._requested_mps) <= apart_mps
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")

@@ -92,6 +92,7 @@ class Daemon:
         )
         self._health = self.bus.health
         self._state = self._problem = self._no_bus = ""
+        self._exits = self._refusals = 0
         self._decision: Decision | None = None
         self._refused, self._refused_s, self._full = 0, -math.inf, False  # frames for which the bus had no room
         if self.node.canopen is not None:
@@ -115,6 +116,7 @@ class Daemon:
         finally:
             for frame in self.station.stop(ended_s):
                 self.bus.send(frame)
+            self._look_at_the_engagement()
             if self.chronicle is not None:
                 self.chronicle.step(ended_s)  # that it let go counts, too
             self.bus.close()
@@ -133,9 +135,7 @@ class Daemon:
         if self.bus.problem != self._no_bus:
             self._no_bus = self.bus.problem
             self.say(f"waits for its bus: {self._no_bus}" if self._no_bus else "its bus is there")
-        if self.node.engagement.state != self._state:
-            self._state = self.node.engagement.state
-            self.notifier.tell(f"STATUS={self._state}")
+        self._look_at_the_engagement()
         if self.node.supervisor.decision is not self._decision:
             self._decision = self.node.supervisor.decision
             self.say(f"learned model {self._decision}")
@@ -145,6 +145,19 @@ class Daemon:
             self._problem = self._keeper.problem
             self.say(self._problem or "what is kept can be written again")
         self.notifier.alive(now_s)
+
+    def _look_at_the_engagement(self) -> None:
+        """Say once what an operator will ask: why it let go, and why a button did nothing."""
+        engagement = self.node.engagement
+        if engagement.state != self._state:
+            self._state = engagement.state
+            self.notifier.tell(f"STATUS={self._state}")
+        if engagement.exits != self._exits:
+            self._exits = engagement.exits
+            self.say(f"let go, now {engagement.state}: {engagement.ended_by}")
+        if engagement.refusals != self._refusals:
+            self._refusals = engagement.refusals
+            self.say(f"a button was refused: {engagement.refused}")
 
     def _look_at_the_queue(self, now_s: float) -> None:
         """Say that frames can't be sent, when it begins, and when none was refused for a second."""

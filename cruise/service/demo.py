@@ -36,6 +36,7 @@ class Result:
     gates: Counter[str]
     states: list[tuple[float, str]] = field(default_factory=list)
     interrupted: bool = False
+    last_exit: str = ""  # why it let go last; not that it did so when the drive was over
 
     def report(self) -> dict[str, Any]:
         """All figures under stable names; NaN becomes None, so that it is JSON."""
@@ -58,6 +59,7 @@ class Result:
             "gate_share": {gate: count / driven for gate, count in sorted(self.gates.items())},
             "states": [{"time_s": time_s, "state": state} for time_s, state in self.states],
             "exit_reason": status.exit_reason.name.lower(),
+            "last_exit": self.last_exit,
             "frame_faults": {name: count for name, count in sorted(status.faults.items()) if name != "unknown"},
         }
         return _plain(report)
@@ -105,6 +107,7 @@ def run(
             loop.run(seconds, each_step, pace)
         except KeyboardInterrupt:
             result.interrupted, result.seconds = True, loop.now_s
+        result.last_exit = node.engagement.ended_by
         for frame in node.stop(loop.now_s):
             buses[2].send(frame)
         loop.run(loop.now_s + 2 * loop.step_s)

@@ -8,11 +8,14 @@ from importlib.metadata import version
 from pathlib import Path
 
 import pytest
+import yaml
 
 from cruise import cli
 from cruise.can.log import read_log
 from cruise.cli.places import CONFIG
 from cruise.service import replay
+from cruise.service import settings as service_settings
+from cruise.service.cruise_node import CruiseNode
 from cruise.settings import SettingsError
 
 
@@ -55,7 +58,17 @@ def test_the_demo_leaves_a_picture_and_a_log(verb, tmp_path):
     assert (tmp_path / "demo-1.png").read_bytes().startswith(b"\x89PNG")
     assert "rms_error_mps" in out
     assert "engaged" in err
+    assert "last exit" not in out
     assert sum(1 for _ in read_log(tmp_path / "demo-1.log")) > 5000
+
+
+def test_the_demo_says_why_it_let_go_last(verb, tmp_path):
+    drive = yaml.safe_load((CONFIG / "demo.yaml").read_text())
+    drive["operator"] = [row for row in drive["operator"] if row["at_s"] < 24.0] + [{"at_s": 24.0, "brake_pedal": 1.0}]
+    (tmp_path / "brake.yaml").write_text(yaml.safe_dump(drive))
+    words = ("demo", "--headless", "--seconds", "26", "--drive", tmp_path / "brake.yaml", "--out", tmp_path)
+    assert "last exit: brake (ISO exit reason 3, override)" in verb(*words)[1].splitlines()
+    assert json.loads(verb(*words, "--json")[1])["last_exit"] == "brake (ISO exit reason 3, override)"
 
 
 def test_a_replayed_log_teaches_what_the_drive_taught(verb, driven):
@@ -241,6 +254,28 @@ def test_run_stops_with_neutral_on_a_signal(verb, tmp_path, monkeypatch):
     assert code == 0
     assert "neutral sent" in err
     assert len(sent) > 10
+
+
+def test_the_status_says_why_it_let_go_and_every_refusal(capsys):
+    from cruise.cli.run import Lines
+    from cruise.control.engagement import ExitReason, State
+
+    settings = service_settings.load(CONFIG / "cruise.yaml")
+    node = CruiseNode.load(settings)
+    lines, engagement = Lines(node), node.engagement
+
+    def printed(now_s: float) -> str:
+        lines(now_s)
+        return capsys.readouterr().out
+
+    engagement.state = State.ENGAGED
+    assert "let go" not in printed(0.0)
+    engagement.state, engagement.exit_condition, engagement.exit_reason = State.OVERRIDDEN, "brake", ExitReason.OVERRIDE
+    assert "let go: brake (ISO exit reason 3, override)" in printed(0.1)
+    for press in (1, 2):
+        engagement.refused, engagement.refusals = "no gear is engaged", press
+        assert "refused: no gear is engaged" in printed(0.2 * press)
+        assert printed(0.2 * press + 0.1) == ""
 
 
 def _while_it_runs(monkeypatch, happens) -> None:

@@ -101,12 +101,14 @@ def test_a_press_says_what_is_in_the_way_in_every_state(before, why):
     for fields in (before, lasting):
         engagement.step(replace(READY, **fields))
         assert engagement.refused == ""
-    engagement.step(replace(READY, resume=True, **lasting))
-    assert engagement.refused == why
+    for press in (1, 2):  # each counts once, however long the button is held, and the same words twice
+        for resume in (True, True, False):
+            engagement.step(replace(READY, resume=resume, **lasting))
+            assert (engagement.refused, engagement.refusals) == (why, press)
     for k in range(40):
         engagement.step(replace(READY, time_s=0.1 * k, enable=k != 1))
     engagement.step(replace(READY, time_s=4.0, resume=True))
-    assert (engagement.state, engagement.refused) == (State.ENGAGING, "")
+    assert (engagement.state, engagement.refused, engagement.refusals) == (State.ENGAGING, "", 2)
 
 
 def test_only_the_operators_press_leads_into_a_state_that_drives():

@@ -43,6 +43,25 @@ def test_every_exit_of_the_controller_is_tried_below(state):
     assert [row.condition for row in TRANSITIONS if row.source is state and row.target is not State.ENGAGED] == [*EXITS]
 
 
+@pytest.mark.parametrize(
+    ("condition", "words"),
+    [
+        ("lever_moved", "lever moved (ISO exit reason 3, override)"),
+        ("implausible", "implausible, two speeds (ISO exit reason 9, function fault)"),
+    ],
+)
+def test_an_exit_is_told_in_words_until_it_drives_again(condition, words):
+    engagement = engaged()
+    assert engagement.ended_by == ""
+    engagement.step(replace(READY, **EXITS[condition][0]))
+    assert (engagement.ended_by, engagement.exits) == (words, 1)
+    for k in range(40):
+        engagement.step(replace(READY, time_s=0.1 * k, enable=k != 1))
+    assert (engagement.ended_by, engagement.exits) == (words, 1)
+    engagement.step(replace(READY, time_s=4.0, resume=True))
+    assert engagement.ended_by == ""
+
+
 @pytest.mark.parametrize("begin", [engaging, engaged])
 @pytest.mark.parametrize("condition", EXITS)
 def test_every_exit_acts_in_one_step_says_why_and_does_not_come_back(begin, condition):

@@ -366,8 +366,9 @@ def test_statistics_and_parameters_are_there_at_the_next_start(settings: CruiseS
     fourth.bus.close()
 
 
-def test_that_a_stop_let_go_is_counted(settings: CruiseSettings):
-    daemon = Daemon(settings, Notifier(""), print)
+def test_that_a_stop_let_go_is_counted_and_said(settings: CruiseSettings):
+    said: list[str] = []
+    daemon = Daemon(settings, Notifier(""), said.append)
     assert daemon.chronicle is not None
     chronicle, ticks = daemon.chronicle, []
 
@@ -380,6 +381,26 @@ def test_that_a_stop_let_go_is_counted(settings: CruiseSettings):
     run(daemon, 4, engaged_at_the_end)
     assert daemon.node.engagement.exit_condition
     assert chronicle.state().statistics.exits == {daemon.node.engagement.exit_condition: 1}
+    assert [line for line in said if line.startswith("let go")] == [
+        "let go, now standby: operator lost (ISO exit reason 1, operator lost)"
+    ]
+
+
+def test_a_button_that_is_refused_is_said_once_for_every_press(settings: CruiseSettings):
+    said: list[str] = []
+    daemon = Daemon(settings, Notifier(""), said.append)
+    panel = Codec.load(settings.database, settings.can)
+    released = dict.fromkeys(("cruise_enable", "cruise_set", "cruise_resume", "cruise_accelerate", "cruise_coast"), 0.0)
+
+    def each_tick(now_s: float) -> None:
+        ticks.append(now_s)
+        held = 5 < len(ticks) % 20 < 15
+        far.send(panel.encode("CCVS", {**released, "cruise_set": float(held)}, now_s))
+
+    ticks: list[float] = []
+    with open_bus(settings.can) as far:
+        run(daemon, 40, each_tick)
+    assert said == 2 * ["a button was refused: the main switch is off"]
 
 
 @pytest.mark.parametrize("health", [BusHealth.OFF, BusHealth.LOST])
@@ -400,7 +421,11 @@ def test_without_a_bus_it_lets_go_and_does_not_come_back_by_itself(settings: Cru
     run(daemon, 10, each_tick)
     assert states[1] is State.ENGAGED
     assert states[3:] == [State.FAULT] * 7
-    assert [line.split(": ")[1] for line in lines] == [f"active -> {health}", f"{health} -> active"]
+    bus = [line for line in lines if line.startswith("bus")]
+    assert [line.split(": ")[1] for line in bus] == [f"active -> {health}", f"{health} -> active"]
+    assert [line for line in lines if line not in bus] == [
+        "let go, now standby: operator lost (ISO exit reason 1, operator lost)"
+    ]
 
 
 def test_the_loop_keeps_its_pace(settings: CruiseSettings):

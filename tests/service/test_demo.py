@@ -55,7 +55,7 @@ def test_the_report_tells_the_drive(logged):
     assert (report["seed"], report["seconds"], report["interrupted"]) == (1, SECONDS, False)
     assert [row["state"] for row in report["states"]] == ["off", "standby", "engaging", "engaged"]
     assert report["frame_faults"] == {}
-    assert report["exit_reason"] == "released"
+    assert (report["exit_reason"], report["last_exit"]) == ("released", "")
     assert sum(report["gate_share"].values()) == pytest.approx(1.0)
     assert set(report["parameters"]) == set(report["factory_parameters"]) == set(report["standard_errors"])
     assert report["engaged_s"] == pytest.approx(SECONDS - report["states"][-1]["time_s"], abs=0.11)

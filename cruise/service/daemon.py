@@ -97,6 +97,7 @@ class Daemon:
         self._refused, self._refused_s, self._full = 0, -math.inf, False  # frames for which the bus had no room
         if self.node.canopen is not None:
             self.node.canopen.describe(self._texts())
+        self._look_at_the_keeper()
 
     def run(self, running: Callable[[], bool], each_tick: Callable[[float], None]) -> None:
         """Serve until `running` says no; whatever ends it, the last word on the bus is neutral."""
@@ -124,6 +125,8 @@ class Daemon:
             if self.chronicle is not None:
                 self.notifier.ended()
                 self.chronicle.close()
+                if self._keeper is not None and self._keeper.problem:
+                    self.say(f"what was learned and counted in this run is lost: {self._keeper.problem}")
 
     def _look_after(self, now_s: float) -> None:
         # Without a bus, or an address on it, nobody hears the node: it lets go, and stays so until the operator acts.
@@ -141,9 +144,7 @@ class Daemon:
             self.say(f"learned model {self._decision}")
         if self.chronicle is not None:
             self.chronicle.step(now_s)
-        if self._keeper is not None and self._keeper.problem != self._problem:
-            self._problem = self._keeper.problem
-            self.say(self._problem or "what is kept can be written again")
+        self._look_at_the_keeper()
         self.notifier.alive(now_s)
 
     def _look_at_the_engagement(self) -> None:
@@ -158,6 +159,13 @@ class Daemon:
         if engagement.refusals != self._refusals:
             self._refusals = engagement.refusals
             self.say(f"a button was refused: {engagement.refused}")
+
+    def _look_at_the_keeper(self) -> None:
+        """Say that states can't be written, when that begins, and when it is over."""
+        if self._keeper is not None and self._keeper.problem != self._problem:
+            self._problem = self._keeper.problem
+            lost = "what is learned and counted from now on is lost when this run ends"
+            self.say(f"{self._problem}; {lost}" if self._problem else "what is kept can be written again")
 
     def _look_at_the_queue(self, now_s: float) -> None:
         """Say that frames can't be sent, when it begins, and when none was refused for a second."""
@@ -278,7 +286,9 @@ class Daemon:
         found = file.read(lambda state: self.node.estimator.restore(state.learned))
         for problem in found.problems:
             self.say(problem)
-        return found.kept, Keeper(file, found.kept.settings if found.kept is not None else None)
+        keeper = Keeper(file, found.kept.settings if found.kept is not None else None)
+        keeper.try_to_write()
+        return found.kept, keeper
 
 
 def _merged(values: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:

@@ -21,6 +21,7 @@ import queue
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Final
 from urllib.parse import quote
@@ -30,7 +31,8 @@ import msgspec
 from cruise.model.model import Model
 
 VERSION: Final = 1
-MAX_BYTES: Final = 1_000_000  # a state has a few kB
+USUAL_BYTES: Final = 10_000  # a state has a few kB
+MAX_BYTES: Final = 1_000_000
 LONGEST: Final = 100  # characters of a machine's name that go into a file's name, which may have 255 bytes
 Count = Annotated[int, msgspec.Meta(ge=0)]
 Amount = Annotated[float, msgspec.Meta(ge=0)]
@@ -117,10 +119,7 @@ class StateFile:
         """
         body = msgspec.json.encode(kept)
         new, link = self.path.with_name(f"{self.path.name}.new"), self.path.with_name(f"{self.path.name}.link")
-        with new.open("wb") as stream:
-            stream.write(hashlib.sha256(body).hexdigest().encode() + b"\n" + body)
-            stream.flush()
-            os.fsync(stream.fileno())
+        _to_disk(new, hashlib.sha256(body).hexdigest().encode() + b"\n" + body)
         for path in (self.previous, self.path):  # in this order: of one owner the newest is what stays
             owner = self._owner(path)
             if owner is not None and owner != self.owner:
@@ -136,6 +135,12 @@ class StateFile:
         finally:
             os.close(folder)
         self.aside.unlink(missing_ok=True)  # what is newer is on the disk
+
+    def try_to_write(self) -> None:
+        """Write as much as a state has, and take it away again. Raises OSError."""
+        new = self.path.with_name(f"{self.path.name}.new")
+        _to_disk(new, bytes(USUAL_BYTES))
+        new.unlink()
 
     def read(self, check: Callable[[Kept], None] = lambda kept: None) -> Found:
         """Return the newest state that is whole and ours, with what was learned last of which `check` raises no error.
@@ -202,6 +207,13 @@ class StateFile:
             raise BrokenStateError(f"{path}: not a state of version {VERSION}: {error}") from error
 
 
+def _to_disk(path: Path, data: bytes) -> None:
+    with path.open("wb") as stream:
+        stream.write(data)
+        stream.flush()
+        os.fsync(stream.fileno())
+
+
 def _once(lines: list[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(lines))
 
@@ -226,6 +238,10 @@ class Keeper:
         self._waiting.put((msgspec.structs.replace(kept, settings=self.settings), done))
         return done
 
+    def try_to_write(self) -> None:
+        """Find out before there is a state whether it could be written; `problem` says what stands in the way."""
+        self._try(self._file.try_to_write)
+
     def close(self) -> None:
         """Wait until all has been written."""
         self._waiting.put((None, threading.Event()))
@@ -241,14 +257,14 @@ class Keeper:
             newest = next((kept for kept, _ in reversed(states) if kept is not None), None)
             try:
                 if newest is not None:
-                    self._write(newest)
+                    self._try(partial(self._file.write, newest))
             finally:
                 for _, done in states:
                     done.set()
 
-    def _write(self, kept: Kept) -> None:
+    def _try(self, write: Callable[[], None]) -> None:
         try:
-            self._file.write(kept)
+            write()
             self.problem = ""
         except Exception as error:  # noqa: BLE001  # the next state must find the thread alive, whatever it is
             why = error.strerror if isinstance(error, OSError) else f"{type(error).__name__}: {error}"

@@ -119,14 +119,47 @@ def test_on_a_bus_that_comes_late_or_again_the_address_is_claimed_before_anythin
         assert 0x0CFF1211 in said[1], "then the command"
 
 
-def test_what_cannot_be_kept_is_said_once(settings: CruiseSettings, tmp_path: Path):
+def test_what_cannot_be_kept_is_said_when_that_begins_and_at_the_end(settings: CruiseSettings, tmp_path: Path):
     assert settings.persistence is not None
     kept = structs.replace(settings.persistence, every_s=0.1)
     said: list[str] = []
     daemon = Daemon(structs.replace(settings, persistence=kept), Notifier.of({}), said.append)
     (tmp_path / "kept" / "state.new").symlink_to("/dev/full")
     run(daemon, 20)
-    assert len([line for line in said if "No space left on device" in line]) == 1
+    begin, end = (line for line in said if "cannot be written: No space left on device" in line)
+    assert "from now on is lost" in begin
+    assert end.startswith("what was learned and counted in this run is lost")
+
+
+def test_that_the_last_state_could_not_be_written_is_said(settings: CruiseSettings, tmp_path: Path):
+    said: list[str] = []
+    daemon = Daemon(settings, Notifier.of({}), said.append)
+    (tmp_path / "kept" / "state.new").symlink_to("/dev/full")
+    run(daemon, 3)  # less than it takes to the first write
+    (line,) = said
+    assert line.startswith("what was learned and counted in this run is lost")
+    assert line.endswith("state: cannot be written: No space left on device")
+
+
+def test_at_the_start_it_is_said_that_nothing_can_be_kept_and_it_drives_on(settings: CruiseSettings, tmp_path: Path):
+    said: list[str] = []
+    (tmp_path / "kept").mkdir()
+    (tmp_path / "kept" / "state.new").symlink_to("/dev/full")
+    daemon = Daemon(settings, Notifier.of({}), said.append)
+    (line,) = said
+    assert "state: cannot be written: No space left on device; what is learned and counted from now on is lost" in line
+    (tmp_path / "kept" / "state.new").unlink()
+    run(daemon, 3)
+    assert (tmp_path / "kept" / "state").exists()
+    assert said == [line], "nor anything at the end"
+
+
+def test_that_the_folder_was_tried_leaves_nothing_in_it(settings: CruiseSettings, tmp_path: Path):
+    said: list[str] = []
+    daemon = Daemon(settings, Notifier.of({}), said.append)
+    assert said == []
+    assert list((tmp_path / "kept").iterdir()) == []
+    daemon.bus.close()
 
 
 def test_a_bus_without_room_is_said_when_it_begins_and_when_it_ends(settings: CruiseSettings):

@@ -1,7 +1,7 @@
 """All settings of the service, as they stand in config/cruise.yaml."""
 
 from pathlib import Path
-from typing import Literal
+from typing import Literal, TypeVar
 
 import msgspec
 
@@ -18,6 +18,8 @@ from cruise.estimation.supervision import SupervisionSettings
 from cruise.sampling import SamplingSettings
 from cruise.service.persistence import PersistenceSettings
 from cruise.signals import INPUT, SIGNALS
+
+T = TypeVar("T", bound=msgspec.Struct)
 
 
 class CruiseSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -51,11 +53,15 @@ class CruiseSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_f
 
 def load(path: str | Path) -> CruiseSettings:
     """Read the settings; the file names in them become paths that hold from anywhere."""
-    file = Path(path)
-    read = strict.load(file, CruiseSettings)
-    named = {name: str(file.parent / getattr(read, name)) for name in ("model", "database", "dictionary")}
-    commissioning = read.commissioning
-    if commissioning is not None:
-        path = str(file.parent / commissioning.experiments)
-        commissioning = msgspec.structs.replace(commissioning, experiments=path)
-    return msgspec.structs.replace(read, **named, commissioning=commissioning)
+    beside = Path(path).parent
+
+    def found(settings: T, *names: str) -> T:
+        return msgspec.structs.replace(settings, **{name: str(beside / getattr(settings, name)) for name in names})
+
+    read = strict.load(path, CruiseSettings)
+    commissioning, persistence = read.commissioning, read.persistence
+    return msgspec.structs.replace(
+        found(read, "model", "database", "dictionary"),
+        commissioning=found(commissioning, "experiments") if commissioning is not None else None,
+        persistence=found(persistence, "folder") if persistence is not None else None,
+    )

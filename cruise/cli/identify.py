@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 import typer
 from rich import box
+from rich.console import Console
 from rich.table import Table
 
 from cruise.cli import identify_picture
@@ -37,6 +38,7 @@ from cruise.cli.reading import (
 from cruise.effects import Parameter
 from cruise.identification.accuracy import Accuracy
 from cruise.identification.armax import Armax
+from cruise.identification.doubts import REMEDY, at_bound, doubts
 from cruise.identification.identify import Identification
 from cruise.identification.identify import identify as fit
 from cruise.identification.named import model_named
@@ -113,6 +115,7 @@ def report(found: Identification, preparation: PreparationSettings) -> dict[str,
         "input_filtered_for_validation": found.filtered,
         "held_out": _figures(found.held_out, fitted.unstable),
         "held_out_refused": found.refused,
+        "doubts": doubts(found),
         "training": _figures(found.training, fitted.unstable),
         "free_run": _figures(found.free_run, fitted.unstable),
         "persistence": _figures(found.persistence, ""),
@@ -193,15 +196,28 @@ def _print(found: Identification, preparation: PreparationSettings, drawn: Path,
         console.print(f"nothing held out: {found.refused}")
     console.print(_residuals(found))
     console.print(f"picture: {drawn}")
+    _print_worth(console, doubts(found), out)
+
+
+def _print_worth(console: Console, doubtful: list[str], out: Path | None) -> None:
+    """What to do next: with the model file, or where something speaks against the model, about that."""
+    if not doubtful:
+        if out is not None:
+            console.print(f"model: {out}; next: cruise run with it, or cruise compare")
+        return
     if out is not None:
-        console.print(f"model: {out}; next: cruise run with it, or cruise compare")
+        console.print(f"model: {out}")
+    console.print(bold("don't drive with this model:"))
+    for one in doubtful:
+        console.print(f"  {one}")
+    console.print(f"next: {REMEDY}")
 
 
 def _remark(value: float, bound: Parameter) -> str:
     """What has to be known of a shape that was not found between its bounds."""
     if value == bound.neutral:
         return "no sign of it"
-    return "at its bound" if value in (bound.low, bound.high) else ""
+    return "at its bound" if at_bound(value, bound) else ""
 
 
 def _residuals(found: Identification) -> str:

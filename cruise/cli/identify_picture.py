@@ -30,7 +30,7 @@ def draw(found: Identification, path: Path) -> Path:
     time_s, measured = recording.time_s[part], recording.output[part]
     shown = predicted[part] if not found.fitted.unstable else np.full(len(time_s), np.nan)
     speed.plot(time_s, measured, color=GREY, lw=1.6, label="measured")
-    speed.plot(time_s, shown, color=BLUE, lw=1.3, label=f"predicted {found.horizon_s:g} s ahead")
+    speed.plot(time_s, shown, color=BLUE, lw=1.3, label=f"predicted {found.horizon_s:g} s ahead, training data")
     speed.set_ylabel("ground speed (m/s)")
     name = found.structure.name or str(found.structure)
     where = f"{Path(recording.source).name}: the {time_s[-1] - time_s[0]:.0f} s with the greatest error"

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from matplotlib import pyplot as plt
 
 from cruise.cli.places import CONFIG
 from cruise.csv_file import write_csv
@@ -52,7 +53,7 @@ def test_it_speaks_draws_and_leaves_a_model_that_is_the_next_start(verb, tables)
         "persistence",
         "residuals one step ahead",
         "picture: out/identify.png",
-        "model: m/new.yaml",
+        "model: m/new.yaml; next: cruise run with it",
     ):
         assert words in out
     assert max(map(len, out.splitlines())) <= 80
@@ -93,7 +94,20 @@ def test_json_is_json_and_nothing_else(verb, tables):
     for name in ("held_out", "training", "free_run", "persistence"):
         assert found[name]["samples"] > 500
     assert found["held_out"]["explained_pct"] > 80.0 > found["persistence"]["explained_pct"]
-    assert found["model_file"] is None
+    assert (found["model_file"], found["doubts"]) == (None, [])
+
+
+def test_the_picture_says_that_the_fit_knew_what_it_predicts(verb, tables, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(plt, "close", drawn.append)
+    assert verb("identify", "one.csv", "--model", "arx10")[0] == 0
+    monkeypatch.undo()
+    (figure,) = drawn
+    assert [text.get_text() for text in figure.axes[0].get_legend().get_texts()] == [
+        "measured",
+        "predicted 3 s ahead, training data",
+    ]
+    plt.close(figure)
 
 
 def test_an_unstable_predictor_is_a_dash_and_never_a_number(verb, tables):
@@ -116,6 +130,9 @@ def test_what_can_not_be_held_out_is_said(verb, tables):
     code, out, _ = verb("identify", "short.csv", "--model", "arx:na=1,nb=5,delay_s=0", "--cutoff", "0", "-o", "m.yaml")
     assert code == 0
     assert "nothing held out: " in out
+    assert "don't drive with this model:\n  nothing shows how well it predicts" in out
+    assert "next: drive some minutes" in out
+    assert "cruise run" not in out
     assert "too few to say whether they are white" in out
     assert "nan" not in out
     assert files.read(tables / "m.yaml").provenance.error_ahead_mps is None

@@ -2,6 +2,7 @@
 
 import json
 import math
+import sys
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
@@ -11,7 +12,7 @@ import typer
 from rich import box
 from rich.table import Table
 
-from cruise.cli.console import printer
+from cruise.cli.console import bold, printer
 from cruise.cli.places import CONFIG, REPLAY
 from cruise.cli.reading import (
     AsJson,
@@ -57,6 +58,8 @@ def replay(
         "recordings": [str(path) for path in recordings],
         "samples": sum(len(one) for one in taught.recordings),
         "notes": [f"{one.source}: {note}" for one in taught.recordings for note in one.notes],
+        "learned": taught.learned,
+        "gate_share": taught.gate_share,
         "parameters": dict(zip(model.parameter_names, status.learned.theta, strict=True)),
         "standard_errors": dict(zip(model.parameter_names, status.learned.theta_std, strict=True)),
         "error_ahead_mps": {name: value for name, value in status.rms_ahead_mps.items() if math.isfinite(value)},
@@ -68,7 +71,7 @@ def replay(
             "recordings": [str(path) for path in test],
             **plain(asdict(service.judge(taught, unseen.recordings))),
         }
-    if save is not None:
+    if save is not None and taught.learned:
         note = f"learned online by cruise replay, from {loaded.model}"
         names = tuple(one.source for one in taught.recordings)
         provenance = files.Provenance(
@@ -79,6 +82,9 @@ def replay(
         print(json.dumps(report, indent=2))
     else:
         _print(report)
+    if save is not None and not taught.learned:
+        print(f"cruise: {save}: not written, nothing was learned", file=sys.stderr)
+        raise typer.Exit(1)
 
 
 def _print(report: dict) -> None:
@@ -86,12 +92,16 @@ def _print(report: dict) -> None:
     console.print(f"{count_of(len(report['recordings']), 'recording')}, {report['samples']} samples")
     for note in report["notes"]:
         console.print(f"note: {note}")
-    table = Table(box=box.SIMPLE_HEAD)
-    for heading in ("parameter", "learned", "+-"):
-        table.add_column(heading, justify="left" if heading == "parameter" else "right")
-    for name, value in report["parameters"].items():
-        table.add_row(name, f"{value:.5g}", f"{report['standard_errors'][name]:.2g}")
-    console.print(table)
+    if report["learned"]:
+        table = Table(box=box.SIMPLE_HEAD)
+        for heading in ("parameter", "learned", "+-"):
+            table.add_column(heading, justify="left" if heading == "parameter" else "right")
+        for name, value in report["parameters"].items():
+            table.add_row(name, f"{value:.5g}", f"{report['standard_errors'][name]:.2g}")
+        console.print(table)
+    else:
+        console.print(bold("nothing was learned", ": no sample could teach, the model is the one it began with"))
+    console.print("gate: " + ", ".join(f"{gate} {100 * share:.0f} %" for gate, share in report["gate_share"].items()))
     if report["frame_faults"]:
         console.print(f"faulty frames: {report['frame_faults']}")
     judged = report.get("test")

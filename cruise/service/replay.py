@@ -5,7 +5,8 @@ Nothing here learns or predicts by itself: the node does.
 """
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
@@ -15,6 +16,7 @@ import numpy as np
 from cruise.can.codec import Codec
 from cruise.can.frame import Frame
 from cruise.can.messages import FAST_MESSAGE
+from cruise.estimation.gate import Gate
 from cruise.identification.least_squares import fit
 from cruise.identification.shapes import ahead_rms_mps
 from cruise.recording import Recording, RecordingError
@@ -28,14 +30,27 @@ from cruise.units import InputUnit
 PAUSE_S: Final = 5.0  # s of silence between two files: longer than any signal stays fresh, so that nothing is joined
 FAR: Final = 0.05  # of a signal's range: what is nearer to it is a sensor's noise or offset at its end
 LEAD_S: Final = 0.01  # s, first frame after the start of its file
+SLOWER: Final = 1.001  # times the model's period: a recording of longer steps has no sample for each of its periods
 
 
 @dataclass(frozen=True, slots=True)
 class Replayed:
-    """What came of replaying: the node that learned, and each file as it sampled it."""
+    """The node that learned, each file as it sampled it, and how many samples were of which gate."""
 
     node: CruiseNode
     recordings: tuple[Recording, ...]
+    gates: Mapping[Gate, int]
+
+    @property
+    def learned(self) -> bool:
+        """Whether any sample taught: the parameters are those of the start else."""
+        return self.gates.get(Gate.OPEN, 0) > 0
+
+    @property
+    def gate_share(self) -> dict[str, float]:
+        """The share of the samples by gate, the commonest first."""
+        samples = sum(self.gates.values())
+        return {str(gate): count / samples for gate, count in Counter(self.gates).most_common()}
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,12 +76,14 @@ def replay(
     node.plausibility = None  # what a log holds was commanded by another run than this one
     model = node.estimator.factory
     sender = Codec.load(settings.database, settings.can)
-    recordings, start_s = [], 0.0
+    recordings, start_s, gates = [], 0.0, Counter[Gate]()
     tables = [path for path in paths if not is_log(path, columns)]
     read = dict(zip(tables, read_recordings(tables, columns, told=told), strict=True))
+    for path, table in read.items():
+        _check_rate(path, table, model.period_s)
     for path in paths:
         frames, notes = _frames_of(path, read.get(path), sender)
-        samples = list(_play(frames, node, start_s))
+        samples = list(_play(frames, node, start_s, gates))
         if not any(math.isfinite(sample.speed_mps) for sample in samples):
             raise RecordingError(
                 f"{path}: holds no frame of {FAST_MESSAGE} that could be taken; "
@@ -84,7 +101,16 @@ def replay(
         start_s = node.ticks * node.period_s + PAUSE_S
         while node.ticks * node.period_s < start_s:
             node.tick((node.ticks + 1) * node.period_s)
-    return Replayed(node, tuple(recordings))
+    return Replayed(node, tuple(recordings), gates)
+
+
+def _check_rate(path: str | Path, table: Recording, period_s: float) -> None:
+    """RecordingError where a table has no row for each period of the model: it would teach nothing."""
+    if table.dt_s > SLOWER * period_s:
+        raise RecordingError(
+            f"{path} is sampled every {table.dt_s:g} s, too slowly for a model of {period_s:g} s: record faster, or "
+            f"give a model of {table.dt_s:g} s or more (--model FILE, from cruise identify --period {table.dt_s:g})"
+        )
 
 
 def _frames_of(path: str | Path, table: Recording | None, sender: Codec) -> tuple[Iterator[Frame], list[str]]:
@@ -119,8 +145,8 @@ def judge(taught: Replayed, unseen: Sequence[Recording], horizon_s: float = 3.0)
     )
 
 
-def _play(frames: Iterable[Frame], node: CruiseNode, start_s: float) -> Iterator[Sample]:
-    """Hand the frames to the node in time, and give every sample that it takes."""
+def _play(frames: Iterable[Frame], node: CruiseNode, start_s: float, gates: Counter[Gate]) -> Iterator[Sample]:
+    """Hand the frames to the node in time, give every sample that it takes, and count its gate."""
     for frame in frames:
         frame.timestamp += start_s
         # A frame counts for the tick at whose instant it is there, as it does on a bus.
@@ -128,6 +154,7 @@ def _play(frames: Iterable[Frame], node: CruiseNode, start_s: float) -> Iterator
             before = node.sample
             node.tick((node.ticks + 1) * node.period_s)
             if node.sample is not None and node.sample is not before:
+                gates[node.learned.gate] += 1
                 yield node.sample
         node.receive(frame)
 

@@ -75,7 +75,10 @@ def test_a_replayed_log_teaches_what_the_drive_taught(verb, driven):
     folder, text = driven[0]
     code, out, _ = verb("replay", folder / "demo-4.log", "--json")
     assert code == 0
-    replayed, drove = json.loads(out)["parameters"], json.loads(text)["parameters"]
+    report = json.loads(out)
+    assert report["learned"] is True
+    assert report["gate_share"]["open"] > 0.2
+    replayed, drove = report["parameters"], json.loads(text)["parameters"]
     # A candump log rounds time to a microsecond; nothing else may differ.
     assert replayed == pytest.approx(drove, rel=1e-3, abs=1e-7)
 
@@ -126,6 +129,35 @@ def test_a_replayed_table_is_read_in_the_unit_of_the_model_that_it_teaches(verb,
     code, out, err = verb("replay", slow, "--model", saved, *words)
     assert code == 0, err
     assert any("pedal: read as per cent like that of learned.yaml" in note for note in json.loads(out)["notes"])
+
+
+def _table(path: Path, step_s: float, current: float) -> Path:
+    """A table of 60 s at one current."""
+    rows = [f"{step_s * k:.1f},{current},{current / 800.0}" for k in range(round(60.0 / step_s))]
+    path.write_text("\n".join(["time_s,pump_current_ma,ground_speed_mps", *rows]))
+    return path
+
+
+def test_a_table_that_is_too_slow_for_the_model_is_not_replayed(verb, tmp_path):
+    slow = _table(tmp_path / "slow.csv", 1.0, 700.0)
+    code, out, err = verb("replay", slow, "--config", CONFIG / "dart.yaml")
+    assert (code, out) == (2, "")
+    assert "slow.csv is sampled every 1 s, too slowly for a model of 0.1 s: record faster, or give a model of" in err
+
+
+def test_where_nothing_was_learned_that_is_said_and_nothing_is_written(verb, tmp_path):
+    still, saved = _table(tmp_path / "still.csv", 0.1, 700.0), tmp_path / "learned.yaml"
+    words = ("replay", still, "--config", CONFIG / "dart.yaml", "--save", saved)
+    code, out, err = verb(*words)
+    assert code == 1
+    assert "nothing was learned: no sample" in out
+    assert "gate: no excitation 9" in out
+    assert "a_1" not in out
+    assert err == f"cruise: {saved}: not written, nothing was learned\n"
+    assert not saved.exists()
+    report = json.loads(verb(*words, "--json")[1])
+    assert report["learned"] is False
+    assert report["gate_share"]["no excitation"] > 0.9
 
 
 def test_what_could_not_be_judged_is_no_nan(verb, driven, monkeypatch):

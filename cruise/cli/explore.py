@@ -17,12 +17,15 @@ from cruise.cli.reading import (
     InputName,
     OutputName,
     Recordings,
+    above_zero,
     columns_of,
     count_of,
     destination,
     tables,
 )
+from cruise.grid import SAME_STEP, sensible_step, typical_step
 from cruise.identification import explore as analyses
+from cruise.recording import Recording, RecordingError
 
 HEADINGS = {
     "quality": "data quality",
@@ -45,13 +48,29 @@ def explore(
 ) -> None:
     """Say what recordings hold: response, delay, static curve, excitation and the quality of the data."""
     destination("--picture", picture, PICTURES)
+    if period is not None:
+        above_zero("--period", period)
     read = tables(recordings, columns_of(columns, input_name, output_name, database), period)
+    _check_rates(read)
     found = analyses.explore(read, [one.stamps_s for one in read if one.stamps_s is not None])
     drawn = explore_picture.draw(found, picture)
     if as_json:
         print(json.dumps({**found.report(), "picture": str(drawn)}, indent=2))
     else:
         _print(found, drawn)
+
+
+def _check_rates(read: list[Recording]) -> None:
+    """RecordingError where a recording's own step is longer than its grid's: what lies between was never measured."""
+    for one in read:
+        if one.stamps_s is None:
+            continue
+        own_s = sensible_step(one.stamps_s, typical_step(one.stamps_s))
+        if own_s > (1.0 + SAME_STEP) * one.dt_s:
+            raise RecordingError(
+                f"{one.source} is sampled every {own_s:g} s, too slowly for a period of {one.dt_s:g} s: "
+                f"give --period {own_s:g} or more, or record faster"
+            )
 
 
 def _print(found: analyses.Exploration, drawn: Path) -> None:

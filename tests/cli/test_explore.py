@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 from cruise.cli.explore import explore
 from cruise.csv_file import write_csv
 from cruise.recording import RecordingError
+from cruise.settings import SettingsError
 from tests.identification.explore.drives import lag, noise, recording, steps, through
 
 APP = typer.Typer(pretty_exceptions_enable=False)
@@ -67,6 +68,36 @@ def test_a_useless_table_is_drawn_too(tmp_path):
     ended = run(path, "--picture", tmp_path / "e.png")
     assert ended.exit_code == 0, ended.output
     assert "the current is constant" in ended.output
+
+
+@pytest.mark.parametrize("period", ["-1", "nan", "0", "inf"])
+def test_a_period_that_is_none_is_the_options_fault(table, tmp_path, period):
+    ended = run(table, "--picture", tmp_path / "e.png", "--period", period)
+    assert isinstance(ended.exception, SettingsError)
+    assert str(ended.exception).startswith(f"--period {period}: give a time in s above 0")
+
+
+def test_what_was_not_measured_is_not_explored(table, tmp_path):
+    """A grid finer than the readings holds straight lines between them, and figures of these."""
+    ended = run(table, "--picture", tmp_path / "e.png", "--period", 0.01)
+    assert isinstance(ended.exception, RecordingError)
+    assert str(ended.exception) == (
+        f"{table} is sampled every 0.05 s, too slowly for a period of 0.01 s: give --period 0.05 or more, or record "
+        "faster"
+    )
+    assert run(table, "--picture", tmp_path / "e.png", "--period", 0.05).exit_code == 0
+
+
+def test_recordings_of_two_rates_need_a_period_and_have_no_one_jitter(table, tmp_path):
+    u = steps(800, 2)
+    write_csv(recording(u, through(*lag(1.0), 3, u), dt_s=0.2), tmp_path / "slow.csv")
+    words = (table, tmp_path / "slow.csv", "--picture", tmp_path / "e.png")
+    ended = run(*words)
+    assert isinstance(ended.exception, RecordingError)
+    assert str(ended.exception).endswith("every 0.05 s: give --period 0.2 for all of them")
+    ended = run(*words, "--period", 0.2)
+    assert "the recordings have sampling steps of 50 to 200 ms" in " ".join(ended.output.split())
+    assert "do not vary" not in ended.output
 
 
 def test_a_missing_file_is_the_users_clear_error(tmp_path):

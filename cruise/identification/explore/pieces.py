@@ -61,7 +61,7 @@ def pieces(recordings: Sequence[Recording]) -> list[Piece]:
         if not math.isclose(recording.dt_s, recordings[0].dt_s, rel_tol=1e-3):
             raise RecordingError(
                 f"{recording.source} is sampled every {recording.dt_s:g} s, {recordings[0].source} every "
-                f"{recordings[0].dt_s:g} s: read both with one sampling period"
+                f"{recordings[0].dt_s:g} s: give --period {max(one.dt_s for one in recordings):g} for all of them"
             )
         whole = np.isfinite(recording.input) & np.isfinite(recording.output)
         for part in runs(whole):

@@ -198,10 +198,16 @@ def quality(
 
 
 def jitter(raw_times_s: Sequence[FloatArray]) -> Jitter | NotPossible:
-    """Return how raw time stamps (N,) of each recording jitter, or that there are none."""
+    """Return how raw time stamps (N,) of each recording jitter, or that there are none, or of different rates."""
     steps = [np.diff(times_s) for times_s in raw_times_s if len(times_s) > 2]
     if not steps:
         return NotPossible("jitter can't be seen: the recording is on a uniform grid, its raw time stamps are gone")
+    medians_s = [float(np.median(of_one)) for of_one in steps]
+    if max(medians_s) > GAP_STEPS * min(medians_s):
+        return NotPossible(
+            f"the recordings have sampling steps of {1e3 * min(medians_s):.4g} to {1e3 * max(medians_s):.4g} ms: "
+            "explore them one by one to see their jitter"
+        )
     joined = np.concatenate(steps)
     median_s = float(np.median(joined))
     joined = joined[(joined <= GAP_STEPS * median_s) & (joined >= 0.0)]

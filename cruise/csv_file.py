@@ -19,6 +19,10 @@ from cruise.recording import Recording, RecordingError, listed
 from cruise.sampling import FloatArray
 from cruise.settings import replaced
 
+DIGITS: Final = (
+    9  # of a value that is written: a position in degrees is then right to 0.1 m, any sensor's reading whole
+)
+TIME_DECIMALS: Final = 9  # of s: a period of 1/30 s comes back as one
 STAMP: Final = re.compile(
     r"(\d{4}-\d\d-\d\d[T ]\d\d:\d\d(?::\d\d(?:\.\d{1,6})?)?)(?:(?<=\.\d{6})\d+)?(?:Z|([+-]\d\d)(?::?(\d\d))?)?"
 )
@@ -55,9 +59,11 @@ def header_of(path: str | Path) -> list[str]:
 
 
 def write_csv(recording: Recording, path: str | Path) -> None:
-    """Write a recording as CSV, in full precision; a value that was not measured is an empty cell."""
+    """Write a recording as CSV, without the digits that arithmetic made; what was not measured is an empty cell."""
     names = list(recording.columns)
-    table = np.column_stack([recording.time_s, *(recording.columns[name] for name in names)]).tolist()
+    times_s = np.round(recording.time_s, TIME_DECIMALS).tolist()
+    columns = [[float(f"{value:.{DIGITS}g}") for value in recording.columns[name].tolist()] for name in names]
+    table = zip(times_s, *columns, strict=True)
     with replaced(path, newline="") as stream:  # half a table would look like a whole, shorter one
         writer = csv.writer(stream)
         writer.writerow([TIME, *names])

@@ -39,7 +39,14 @@ def test_what_is_written_reads_back_equal(dt_s, start_s, values):
     assert read.dt_s == pytest.approx(dt_s, rel=1e-5)
     assert list(read.columns) == list(columns)
     for name, expected in columns.items():
-        np.testing.assert_allclose(read.columns[name], expected, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(read.columns[name], expected, rtol=1e-8, atol=1e-9)
+
+
+def test_no_digits_of_arithmetic_are_written(tmp_path):
+    time_s = 1.0 / 7.0 * np.arange(20)
+    columns = {INPUT: np.full(20, 2097.5249999999933), OUTPUT: np.full(20, 0.1 + 0.2), "small": np.full(20, 1e-7 / 3)}
+    write_csv(Recording(time_s, columns, 1.0 / 7.0, "x"), tmp_path / "f.csv")
+    assert (tmp_path / "f.csv").read_text().splitlines()[2] == "0.142857143,2097.525,0.3,3.33333333e-08"
 
 
 def test_what_was_not_measured_is_an_empty_cell(tmp_path):

@@ -25,11 +25,12 @@ from cruise.cli.run import Running
 from cruise.control.commissioning import CommissioningSettings, Experiment
 from cruise.control.excitation import Multisine
 from cruise.csv_file import write_csv
+from cruise.identification.preparation import PreparationSettings
 from cruise.plant import PlantSettings
 from cruise.recording import Recording
 from cruise.service import experiments as service
 from cruise.service import settings as service_settings
-from cruise.service.loop import serve
+from cruise.service.loop import Lockstep, serve
 from cruise.service.settings import CruiseSettings
 from cruise.settings import SettingsError
 
@@ -78,6 +79,7 @@ def experiment(
             )
         _record(chosen, settings, path, rate)
         return
+    _check_rate(rate)
     conditions = msgspec.structs.replace(chosen.conditions, **given)
     chosen = service.altered(chosen, conditions, seed, seconds)
     settings = msgspec.structs.replace(
@@ -128,6 +130,17 @@ def _record(chosen: Experiment, settings: CruiseSettings, path: Path, rate_hz: f
     _finish(recorder.recording(f"{chosen.name} on {settings.can.channel}"), path, recorder.ended_by)
 
 
+def _check_rate(rate_hz: float) -> None:
+    """SettingsError where a sample does not last whole steps of the virtual bus, with the rates whose samples do."""
+    finest_hz = round(1.0 / Lockstep.step_s)
+    if not math.isclose(finest_hz / rate_hz, round(finest_hz / rate_hz)):
+        *most, last = (str(whole) for whole in range(1, finest_hz + 1) if finest_hz % whole == 0)
+        raise SettingsError(
+            f"--rate {rate_hz:g}: a sample has to last whole steps of {Lockstep.step_s:g} s; "
+            f"give {', '.join(most)} or {last}"
+        )
+
+
 def _chosen(known: Mapping[str, Experiment], name: str, file: Path) -> Experiment:
     if name in known:
         return known[name]
@@ -176,7 +189,8 @@ def _finish(recording: Recording, path: Path, ended_by: str) -> None:
         print(f"{what}: mean {mean:.{digits}f}, {low:.{digits}f} to {high:.{digits}f} {unit}")
     if lost:
         print(f"{lost} samples without current or speed")
-    print(f"next: cruise explore {path}\n      cruise identify {path} --model arx10B -o model.yaml")
+    slow = f" --period {recording.dt_s:g}" if recording.dt_s > PreparationSettings().period_s else ""
+    print(f"next: cruise explore {path}\n      cruise identify {path} --model arx10B{slow} -o model.yaml")
     if ended_by:
         print(f"cruise: {recording.source}: ended early: {ended_by}", file=sys.stderr)
         raise typer.Exit(1)

@@ -77,6 +77,15 @@ def test_a_seed_and_a_rate_are_taken(tmp_path: Path):
     assert abs(one.input - other.input).max() > 100.0
 
 
+def test_what_is_to_be_done_next_can_be_done_at_any_rate(tmp_path: Path, verb):
+    path = tmp_path / "slow.csv"
+    said = run("white_noise_short", "--seconds", 75, "--rate", 1, "--out", path).stdout
+    assert f"cruise identify {path} --model arx10B --period 1 -o model.yaml" in said
+    (_, line) = said.split("next: ")[1].splitlines()
+    assert verb(*line.split()[1:])[0] == 0
+    assert "--period" not in run("white_noise_short", *SHORT, "--rate", 5, "--out", path).stdout
+
+
 def test_where_nothing_can_be_written_nothing_is_driven(tmp_path: Path, monkeypatch):
     monkeypatch.setattr(verb.service, "drive_on_bus", lambda *given, **named: pytest.fail("it drove"))
     for path in (tmp_path, tmp_path / "a.txt"):
@@ -103,7 +112,7 @@ def test_one_that_ended_early_is_written_and_is_no_success(tmp_path: Path):
         (("ramp", "--real"), "the settings have no commissioning; add it"),
         (("ramp", "--seconds", "4000"), "commissioning.duration_max_s is 1200"),
         (("ramp", "--experiments", "nowhere.yaml"), "nowhere.yaml"),
-        (("ramp", "--rate", "30"), "no multiple of the loop's step"),
+        (("ramp", "--rate", "30"), "--rate 30: a sample has to last whole steps of 0.01 s; give 1, 2, 4, 5, 10, 20"),
     ],
 )
 def test_refusals_are_plain(words: tuple[str, ...], complaint: str, tmp_path: Path):

@@ -3,6 +3,7 @@
 Nobody knows the units of their parameters, so that a fit starts from none, a little and a lot of the term, both ways.
 """
 
+import difflib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -10,9 +11,11 @@ from typing import Final
 import numpy as np
 
 from cruise.effects import Custom, Stage
+from cruise.effects.custom import PARAMETERS, SPEED
 from cruise.identification.regressors import FitError
 from cruise.model.prediction import lagged
 from cruise.recording import Recording
+from cruise.signals import OUTPUT
 from cruise.validation.candidates import with_effect
 from cruise.validation.explanation import Explanation
 
@@ -58,10 +61,20 @@ def check_term(term: Custom, recordings: Sequence[Recording]) -> None:
         raise FitError(f"{term.name}: a command term can be fitted only where it reads nothing but the current, value")
     for need in term.needs:
         if any(need not in one.columns or not np.isfinite(one.columns[need]).any() for one in recordings):
-            raise FitError(f"{term.name} can't be added: {need} is not recorded")
+            raise FitError(f"{term.name} can't be added: {need} is not recorded; {_known_names(need, recordings)}")
         values = np.concatenate([one.columns[need] for one in recordings])
         if np.ptp(values[np.isfinite(values)]) == 0.0:
             raise FitError(f"{term.name} can't be added: {need} never moves; record a drive in which it does")
+
+
+def _known_names(unknown: str, recordings: Sequence[Recording]) -> str:
+    """Which name was meant, or where none is near, which there are."""
+    common = set.intersection(*(set(one.columns) for one in recordings)) - {OUTPUT}
+    recorded = [name for name in recordings[0].columns if name in common]
+    near = difflib.get_close_matches(unknown, [*recorded, SPEED], n=1)
+    if near:
+        return f"did you mean {near[0]}?"
+    return f"a term can read {', '.join(recorded)} and {SPEED}; its parameters are {PARAMETERS[0]} to {PARAMETERS[-1]}"
 
 
 def defined(term: Custom, recordings: Sequence[Recording]) -> bool:

@@ -29,6 +29,7 @@ from cruise.validation.simulation import JUDGED_S, WARM_UP_S, Scene, paced
 from cruise.validation.told import BY_SLOPE, kinds_of
 
 SHORTEST_S: Final = 60.0  # s of data in which anything can be judged held-out
+LONGEST_PERIOD_S: Final = 1.0  # s, five times the usual one
 FINEST_S: Final = 0.04  # s, the finest rate at which the current is reshaped: no servo moves within it,
 NO_NEED: Final = 0.6  # of it, from which a recording is thinned
 ROUNDING: Final = 1e-9  # of a count of parts
@@ -72,6 +73,11 @@ def study(
     apart best; else from means over the period, as the discrete model does that drives. `further` are signals that are
     needed beside the model's, even where they have holes.
     """
+    if period_s > LONGEST_PERIOD_S:
+        raise FitError(
+            f"samples of {period_s:g} s are longer than a drive takes to answer, and tell no effects apart: "
+            f"give a period of {LONGEST_PERIOD_S:g} s or less"
+        )
     if structure.family is Family.NARX:
         raise FitError("a NARX model has polynomials in place of effects: diagnose an arx, armax or oe model")
     effects: tuple[Effect, ...] = file.effects if file else tuple(EFFECTS[name]() for name in structure.effects)

@@ -82,6 +82,11 @@ def test_a_speed_that_never_changes_is_refused():
         study([changed(one, **{OUTPUT: np.full(len(one), 1.2)})], PLAIN, None, PERIOD_S)
 
 
+def test_samples_that_are_longer_than_a_drive_takes_to_answer_are_refused():
+    with pytest.raises(FitError, match=r"^samples of 10 s are longer than a drive takes to answer.*of 1 s or less$"):
+        study([drive(900.0)], PLAIN, None, 10.0)
+
+
 def test_a_narx_model_is_refused():
     with pytest.raises(FitError, match=r"^a NARX model has polynomials in place of effects: diagnose an arx, armax or"):
         study([drive(100.0)], parse("narx1"), None, PERIOD_S)

@@ -35,8 +35,8 @@ class PowerSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
     lag_s: Positive = 0.3  # s, a gust of crop is no overload
     carried_share: Positive = 0.97  # of that engine speed: below, the drive slows down in proportion
     light_pct: Positive = 60.0  # %, an engine that has less to do and slows down was throttled back,
-    throttled_rpmps: Positive = 200.0  # rpm/s, no faster than this;
-    loaded_rpmps: Positive = 20.0  # and with more to do no faster than this
+    throttled_rpm_per_s: Positive = 200.0  # rpm/s, no faster than this;
+    loaded_rpm_per_s: Positive = 20.0  # and with more to do no faster than this
     pressure_max_bar: Positive = 380.0  # bar, from which the relief valve opens; closed circuits are set to 350..450
     pressure_back: Positive = 0.9  # of it, below which there is force left again
 
@@ -80,8 +80,8 @@ class PowerGuard:
             self.load_pct = before + self.share * (shown_pct - before)
         else:
             self.load_pct = math.nan
-        rate_rpmps = settings.throttled_rpmps if load_pct < settings.light_pct else settings.loaded_rpmps
-        least_rpm = self.unloaded_rpm - (rate_rpmps * self.frame_s if load_pct < settings.low_pct else 0.0)
+        rate_rpm_per_s = settings.throttled_rpm_per_s if load_pct < settings.light_pct else settings.loaded_rpm_per_s
+        least_rpm = self.unloaded_rpm - (rate_rpm_per_s * self.frame_s if load_pct < settings.low_pct else 0.0)
         self.unloaded_rpm = max(least_rpm, engine_rpm) if math.isfinite(least_rpm) else engine_rpm
 
     def step(self, engine_rpm: float, pressure_bar: float, speed_mps: float, setpoint_mps: float) -> float:

@@ -18,7 +18,7 @@ from typing import Final
 
 FADES_S: Final = 60.0  # s, time constant of the sums
 CALM_MPS2: Final = 0.3  # R, m/s2
-FIRST: Final = 1.0  # P, m2/s
+PRIOR_M2_PER_S: Final = 1.0  # P
 HELD_S: Final = 1.0  # s without dispute before something teaches
 LATE_S: Final = 0.1  # s by which a mean over 0.1 s, and its frame, come later than the drive's own; tau likewise
 RATE_S: Final = 0.2  # s over which the rate is taken
@@ -26,26 +26,26 @@ RATE_S: Final = 0.2  # s over which the rate is taken
 
 @dataclass(slots=True)
 class Share:
-    """Of one other sensor: the two sums, in m2/s."""
+    """Of one other sensor: the two sums."""
 
-    above: float = 0.0
-    below: float = 0.0
+    product_m2_per_s: float = 0.0
+    square_m2_per_s: float = 0.0
 
     def usual_mps(self, speed_mps: float) -> float:
         """k v."""
-        return speed_mps * self.above / (FIRST + self.below)
+        return speed_mps * self.product_m2_per_s / (PRIOR_M2_PER_S + self.square_m2_per_s)
 
     @property
     def doubt(self) -> float:
         """Standard deviation of the share over that before anything was known."""
-        return math.sqrt(FIRST / (FIRST + self.below))
+        return math.sqrt(PRIOR_M2_PER_S / (PRIOR_M2_PER_S + self.square_m2_per_s))
 
 
 @dataclass(frozen=True, slots=True)
 class Lesson:
     """What one frame would teach."""
 
-    weight: float  # c times the frame, in s
+    weight_s: float  # c times the frame
     speed_mps: float
     ahead_mps: tuple[float, float]  # wheel and radar, NaN where there is none
 
@@ -94,6 +94,7 @@ class UsualShares:
         lesson = self.lessons.popleft() if held else Lesson(0.0, 0.0, (0.0, 0.0))
         kept = math.exp(-self.frame_s / FADES_S)
         for share, ahead_mps in zip(self.shares, lesson.ahead_mps, strict=True):
-            known = math.isfinite(ahead_mps)
-            share.above = kept * share.above + (lesson.weight * lesson.speed_mps * ahead_mps if known else 0.0)
-            share.below = kept * share.below + (lesson.weight * lesson.speed_mps**2 if known else 0.0)
+            weight_s = lesson.weight_s if math.isfinite(ahead_mps) else 0.0
+            product_m2_per_s = weight_s * lesson.speed_mps * ahead_mps if weight_s else 0.0
+            share.product_m2_per_s = kept * share.product_m2_per_s + product_m2_per_s
+            share.square_m2_per_s = kept * share.square_m2_per_s + weight_s * lesson.speed_mps**2

@@ -24,7 +24,7 @@ from cruise.effects.low_pass import followed_over
 from cruise.signals import Signals
 
 UNLIMITED_MA_PER_S: Final = 10000.0  # mA/s: a tenth of a second from full current, quicker than any machine
-LAGS: Final = 3.0  # in series: nearer to a dead time than one
+LAGS: Final = 3  # in series: nearer to a dead time than one
 BAND_MA: Final = 20.0  # mA of falling drive at which all of it is braking; above the ripple of a steady current
 
 
@@ -106,7 +106,7 @@ class ActiveBraking(Effect):
         """The lags by filters, the copy in one narrow loop: the shape is looked for in recordings of 10^5 samples."""
         values = np.array(np.broadcast_to(values, len(past_speeds)), float)
         passed_ma = [np.abs(values)]
-        for _ in range(round(LAGS)):
+        for _ in range(LAGS):
             passed_ma.append(followed_over(passed_ma[-1], self.lag_s / LAGS, dt_s))
         copy, along = math.nan, -dt_s / self.time_constant_s
         plain, full = 1.0 - math.exp(along), 1.0 - math.exp(along * self.braking_pace)

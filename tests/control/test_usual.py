@@ -5,7 +5,7 @@ from random import Random
 
 import pytest
 
-from cruise.control.usual import FADES_S, FIRST, HELD_S, UsualShares
+from cruise.control.usual import FADES_S, HELD_S, PRIOR_M2_PER_S, UsualShares
 
 FRAME_S = 0.05
 ALLOWED_MPS, DOUBTED = 0.08, 0.04
@@ -73,15 +73,17 @@ def test_what_comes_late_in_a_quick_change_teaches_little():
 def test_what_teaches_was_undisputed_for_a_second():
     usual = UsualShares(FRAME_S)
     driven(usual, lambda s: 2.0, (0.03, 0.02), HELD_S)
-    assert usual.shares[0].below == 0.0
+    assert usual.shares[0].square_m2_per_s == 0.0
     driven(usual, lambda s: 2.0, (0.03, 0.02), 0.2)
-    assert usual.shares[0].below > 0.0
+    assert usual.shares[0].square_m2_per_s > 0.0
 
 
 def test_what_was_usual_fades():
     usual = UsualShares(FRAME_S)
     driven(usual, lambda s: 2.0, (0.03, 0.02), 30.0)
-    known = usual.shares[0].below
+    known = usual.shares[0].square_m2_per_s
     driven(usual, lambda s: 0.0, (0.03, 0.02), FADES_S + 1.0)
-    assert usual.shares[0].below == pytest.approx(known * math.exp(-1.0), rel=0.05)
-    assert usual.shares[0].doubt == pytest.approx(math.sqrt(FIRST / (FIRST + usual.shares[0].below)))
+    assert usual.shares[0].square_m2_per_s == pytest.approx(known * math.exp(-1.0), rel=0.05)
+    assert usual.shares[0].doubt == pytest.approx(
+        math.sqrt(PRIOR_M2_PER_S / (PRIOR_M2_PER_S + usual.shares[0].square_m2_per_s))
+    )

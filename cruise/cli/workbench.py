@@ -13,6 +13,7 @@ from cruise.cli.places import CONFIG
 from cruise.cli.reading import Columns, Database, Horizon, InputName, OutputName, above_zero, columns_of
 from cruise.identification.named import model_named
 from cruise.recording import RecordingError
+from cruise.service import settings as service_settings
 from cruise.settings import SettingsError
 from cruise.workbench.guard import HERE
 
@@ -48,6 +49,8 @@ def workbench(
             raise RecordingError(f"{path}: no such file")
     if model is not None:
         model_named(model)
+    if live is not None:
+        service_settings.load(live)
     reading = columns_of(columns, input_name, output_name, database)
     question = Question(model or MODEL, horizon_s=above_zero("--horizon", horizon))
 

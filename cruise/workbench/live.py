@@ -30,6 +30,7 @@ from cruise.service.settings import CruiseSettings
 
 KEPT_S: Final = 900.0  # s that are shown and can be diagnosed
 EVERY_S: Final = 0.2  # s between two rows: the period of the model
+SILENT_S: Final = 2.0  # s without a speed, after which nothing is heard
 WORSE: Final = 1.5  # times the usual running error: the model has become worse
 SETTLED_S: Final = 60.0  # s of errors, before which there is nothing usual
 ROUNDS: Final = 20  # of the demo's drive, one hour
@@ -102,6 +103,24 @@ class Live:
                 persistence_mps=errors.get("persistence", math.nan),
             )
         )
+
+    def doing(self) -> tuple[str, bool]:
+        """How the model is doing, and whether that is bad."""
+        rows = list(self.rows)
+        if (
+            self.running
+            and rows
+            and not any(math.isfinite(row.speed_mps) for row in rows[-round(SILENT_S / EVERY_S) :])
+        ):
+            return "Nothing is heard of the machine's speed: does it send, and on this bus?", True
+        since = worse_since(rows)
+        if since is not None:
+            words = (
+                f"The model has become worse since {since:.0f} s: its error is above one and a half times the usual."
+            )
+            return words, True
+        judged = any(math.isfinite(row.driving_mps) for row in rows)
+        return "The model is as good as usual." if judged else "The model has not been judged yet.", False
 
     def columns(self) -> dict[str, np.ndarray]:
         """Everything that is kept, by the names of a row."""

@@ -1,5 +1,6 @@
 """Watching a service: a listener on its bus, a machine that changes under way, and from there to a diagnosis."""
 
+import math
 import threading
 import time
 from pathlib import Path
@@ -22,7 +23,7 @@ from cruise.service.course import Drive, FieldRow, OperatorRow
 from cruise.service.cruise_node import CruiseNode
 from cruise.service.loop import Together, serve
 from cruise.service.operator_node import OperatorNode
-from cruise.workbench.live import Live, watch_bus, worse_since
+from cruise.workbench.live import Live, Row, watch_bus, worse_since
 from tests.workbench.test_walk import go
 
 CHANNEL = "watched"
@@ -111,6 +112,17 @@ def test_a_machine_that_changes_makes_the_model_worse_and_the_time_is_told(tmp_p
     since = worse_since([row for row in rows if row.time_s < CHANGE_S + 20.0])
     assert since is not None
     assert CHANGE_S < since < CHANGE_S + 15.0
+
+
+def test_a_bus_on_which_nobody_speaks_is_no_good_model():
+    live = Live()
+    live.running = True
+    live.rows.extend(Row(0.2 * k, math.nan, math.nan, math.nan, 0.0, math.nan, math.nan, math.nan) for k in range(50))
+    words, bad = live.doing()
+    assert words.startswith("Nothing is heard")
+    assert bad
+    live.rows.append(Row(10.2, math.nan, 1.0, 700.0, 0.0, math.nan, math.nan, math.nan))
+    assert live.doing() == ("The model has not been judged yet.", False)
 
 
 def test_from_watching_straight_into_a_diagnosis(visit):

@@ -8,7 +8,7 @@ from nicegui import run, ui
 
 from cruise.workbench import theme
 from cruise.workbench.downsample import extremes
-from cruise.workbench.live import KEPT_S, Live, watch_bus, watch_combine, worse_since
+from cruise.workbench.live import KEPT_S, Live, watch_bus, watch_combine
 from cruise.workbench.page import Page
 from cruise.workbench.parts import NO_FIGURE, card, figure, heading, labelled, legend, speed
 from cruise.workbench.verbs import EXPECTED
@@ -111,7 +111,7 @@ def _watched(page: Page) -> None:
         table.clear()
         with table:
             _parameters(live)
-        words, bad = _state(live)
+        words, bad = live.doing()
         alarm.set_text(words)
         alarm.classes(add="open" if bad else "calm", remove="calm" if bad else "open")
         driven_s = live.rows[-1].time_s - live.rows[0].time_s if len(live.rows) > 1 else 0.0
@@ -133,14 +133,6 @@ def _diagnose(page: Page) -> ui.button:
         page.go("/missing")
 
     return ui.button("Diagnose", on_click=diagnose).props("outline no-caps")
-
-
-def _state(live: Live) -> tuple[str, bool]:
-    """How the model is doing, and whether that is bad."""
-    since = worse_since(list(live.rows))
-    if since is None:
-        return "The model is as good as usual.", False
-    return f"The model has become worse since {since:.0f} s: its error is above one and a half times the usual.", True
 
 
 def _figures(live: Live) -> None:

@@ -31,7 +31,7 @@ from cruise.cli.reading import (
     tables,
     writable,
 )
-from cruise.effects import EFFECTS, Custom
+from cruise.effects import EFFECTS, Custom, Stage
 from cruise.effects.custom import output_in_words
 from cruise.effects.expression import ExpressionError
 from cruise.identification.named import model_named
@@ -154,7 +154,7 @@ def _print(
     if less <= -LITTLE:
         console.print("It makes the model worse: leave it out; cruise diagnose says what would help.")
     elif absent:
-        console.print("There is no sign of it in these recordings: it was fitted to nothing, or may push one way only.")
+        console.print(f"There is no sign of it in these recordings: it was fitted to nothing{_other_way(added)}.")
     elif less < LITTLE:
         console.print("It explains next to nothing of these recordings: cruise diagnose says what would.")
     for name in odd:
@@ -187,6 +187,17 @@ def _absent(effect: str, fitted: list[Parameter]) -> bool:
     remarks = {one.name.removeprefix(f"{effect}."): one.remark for one in fitted if one.name.startswith(f"{effect}.")}
     asked = [remarks["load"]] if "load" in remarks else list(remarks.values())
     return bool(asked) and all(remark == NO_SIGN for remark in asked)
+
+
+def _other_way(added: Added) -> str:
+    """What to try of a load, which only takes speed: of a term of one's own, the same with the other sign."""
+    effect = next((one for one in added.after.explanation.effects if one.name == added.effect), None)
+    if effect is None or effect.acts_as is not Stage.LOAD or effect.either_sign:
+        return ""
+    if isinstance(effect, Custom):
+        other = f"custom({effect.name}, load, -({effect.expression}))"
+        return f", as a load only takes speed: where it gives some, write {other}"
+    return ", or may push one way only"
 
 
 def floor_in_words(floor: NoiseFloor) -> str:

@@ -241,6 +241,7 @@ def test_an_effect_that_explains_nothing_is_said_to(verb, drives):
     code, out, _ = verb("add", "custom(lift, load, pitch_deg)", "--model", MODEL, drives / "hills.csv")
     assert code == 0
     assert "There is no sign of it in these recordings" in flat(out)
+    assert "write custom(lift, load, -(pitch_deg))" in flat(out)
 
 
 @pytest.mark.usefixtures("quick")

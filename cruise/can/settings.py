@@ -7,6 +7,7 @@ import msgspec
 Address = Annotated[int, msgspec.Meta(ge=0, le=253)]  # SAE J1939-81; 254 and 255 are no senders
 ProprietaryPgn = Annotated[int, msgspec.Meta(ge=0xFF00, le=0xFFFF)]  # SAE J1939-21: proprietary B
 DataId = Annotated[int, msgspec.Meta(ge=0, le=0xFFFF)]
+Channel = Annotated[str, msgspec.Meta(min_length=1)]
 BusKind = Literal["virtual", "socketcan"]
 
 
@@ -22,6 +23,15 @@ class SourceAddresses(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
     transmission: Address | None = 0x03  # transmission 1; also the drive's electronics
     machine: Address | None = 0xF0  # tractor ECU; speeds, oil, mass
     slope_sensor: Address | None = 0xE2  # 226, as in the DBC file of the MV5 inclinometer
+
+    def __post_init__(self) -> None:
+        others = msgspec.structs.asdict(self)
+        ours = others.pop("cruise")
+        same = [name for name, address in others.items() if ours is not None and address == ours]
+        if same:
+            raise ValueError(
+                f"cruise and {' and '.join(same)} have the same address, {ours:#04x}; give cruise one of its own"
+            )
 
 
 class ProprietaryPgns(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -74,7 +84,7 @@ class CanSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     """The bus and everything on it that a machine may need otherwise."""
 
     bus: BusKind = "virtual"  # virtual: within one process; socketcan: a real or virtual interface of the kernel
-    channel: str = "can0"  # name of the interface, or any name for the virtual bus
+    channel: Channel = "can0"  # name of the interface, or any name for the virtual bus
     bitrate_bps: Annotated[int, msgspec.Meta(ge=10_000, le=1_000_000)] = 250_000
     """bit/s; ISO 11783-2 has 250000. It is set with `ip link`, not by this program, which only names it in errors."""
     addresses: SourceAddresses = SourceAddresses()

@@ -35,6 +35,11 @@ class EngagementSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unkno
 
     def __post_init__(self) -> None:
         refuse_wide(self, WIDEST)
+        if self.speed_min_mps >= self.speed_max_mps:
+            raise ValueError(
+                f"speed_min_mps is {self.speed_min_mps:g} and speed_max_mps {self.speed_max_mps:g}: it would never "
+                "engage; let the lower be less"
+            )
 
     def hill_mps(self, alpha: float) -> float:
         """What a hill may add to a speed that is wished, in a gear that slows the drive down by alpha of equation 12.

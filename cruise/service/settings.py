@@ -42,6 +42,11 @@ class CruiseSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_f
     persistence: PersistenceSettings | None = None  # None: nothing is kept from one start to the next
 
     def __post_init__(self) -> None:
+        if self.setpoint_from == "canopen" and self.canopen is None:
+            raise ValueError(
+                "setpoint_from is canopen, and there is no section canopen: no setpoint would ever come; add the "
+                "section, or take j1939"
+            )
         most_ma = SIGNALS[INPUT].high
         for name, part in (("control", self.control), ("commissioning", self.commissioning)):
             asked_ma = part.limits.current_max_ma if part is not None else 0.0

@@ -28,6 +28,7 @@ import yaml
 
 MAX_BYTES = 1_000_000  # a settings file has 10 kB, a model file with its history 100 kB; PyYAML reads about 100 kB/s
 DECLARED, END = "%YAML", re.compile(r"^\.\.\.", re.MULTILINE)  # of a written file, the first line and the last
+EMPTY = '""'  # how a choice of no text is written
 MAX_DEPTH = 32  # settings nest 4 deep; Python's own stack ends near 200 nested nodes
 
 _CORE_SCHEMA = (  # tag, pattern, first characters; in the order of precedence
@@ -321,7 +322,7 @@ def _choices(type_: Any) -> list[str]:
     if typing.get_origin(type_) in (typing.Union, UnionType):
         return [choice for member in typing.get_args(type_) for choice in _choices(member)]
     if typing.get_origin(type_) is typing.Literal:
-        return [str(choice) for choice in typing.get_args(type_)]
+        return [str(choice) or EMPTY for choice in typing.get_args(type_)]
     if isinstance(type_, type) and issubclass(type_, enum.Enum):
         return [str(member.value) for member in type_]
     return []

@@ -99,9 +99,15 @@ class CanopenNode:
     def load(cls, path: str | Path, settings: CanopenSettings) -> "CanopenNode":
         """Read the EDS file at `path`. Raises SettingsError where it is none or lacks an object."""
         try:
-            node = cls(canopen.import_od(str(path), settings.node_id), settings)
+            dictionary = canopen.import_od(str(path), settings.node_id)
+            if not dictionary:
+                raise ValueError("it describes no object")
+            node = cls(dictionary, settings)
         except OSError as error:
-            raise SettingsError(f"{path}: cannot be read: {error.strerror}") from error
+            raise SettingsError(
+                f"{path}: cannot be read: {error.strerror}; let the setting `dictionary` name the node's EDS file, a "
+                "copy of config/cruise.eds, or remove the section `canopen`"
+            ) from error
         except (configparser.Error, ValueError, LookupError, canopen.SdoAbortedError) as error:
             raise SettingsError(f"{path}: not an EDS file that can be used: {error}; see config/cruise.eds") from error
         for names, pdo in ((COMMANDS, node._rpdo), (STATUS, node._tpdo)):

@@ -22,7 +22,7 @@ from cruise.service.settings import CruiseSettings
 def record(
     log: Annotated[Path, typer.Argument(help="The candump log to write (.log); with --ring a folder.")],
     config: Annotated[Path, typer.Option(help="Settings of the service: which bus.")] = CONFIG / "cruise.yaml",
-    seconds: Annotated[float, typer.Option(help="How long; 0 is until it is stopped.")] = 0.0,
+    seconds: Annotated[float, typer.Option(min=0.0, help="How long; 0 is until it is stopped.")] = 0.0,
     ring: Annotated[bool, typer.Option(help="Keep the last hours only, in the folder, and what was around exits.")] = (
         False
     ),

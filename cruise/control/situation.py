@@ -95,6 +95,7 @@ def against_engaging(now: Situation, settings: EngagementSettings, wanted_mps: f
             "no gear is engaged": not now.gear > 0,
             "the machine is too slow or too fast": not low <= now.speed_mps <= high,
             "the current was changed too quickly just now": now.coming_mps2 > settings.coming_mps2,
+            "there is no setpoint to resume": math.isnan(wanted_mps),
             "the setpoint is out of range": not low <= wanted_mps <= high,
         }
     )

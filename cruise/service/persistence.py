@@ -166,7 +166,9 @@ class StateFile:
                 check(kept)
             except FileNotFoundError:
                 continue
-            except (OSError, ValueError, LookupError, TypeError) as error:
+            except OSError as error:
+                problems.append(f"{path}: cannot be read: {error.strerror}; it is not used")
+            except (ValueError, LookupError, TypeError) as error:
                 problems.append(str(error) if isinstance(error, BrokenStateError) else f"{path}: {error}")
             else:
                 return Found(kept, _once(problems))

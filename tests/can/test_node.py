@@ -255,7 +255,14 @@ def test_an_eds_file_that_lacks_something(tmp_path: Path, old: str, new: str, co
     path.write_text(EDS.read_text().replace(old, new))
     with pytest.raises(SettingsError, match=complaint):
         CanopenNode.load(path, CanopenSettings())
-    with pytest.raises(SettingsError, match=r"none\.eds: cannot be read: No such file"):
+
+
+@pytest.mark.filterwarnings("ignore:The 'warn' method:DeprecationWarning")  # of canopen itself
+def test_an_eds_file_that_is_empty_or_missing(tmp_path: Path):
+    (tmp_path / "empty.eds").touch()
+    with pytest.raises(SettingsError, match=r"empty\.eds: not an EDS file that can be used: it describes no object"):
+        CanopenNode.load(tmp_path / "empty.eds", CanopenSettings())
+    with pytest.raises(SettingsError, match=r"none\.eds: cannot be read: No such file.* the setting `dictionary` name"):
         CanopenNode.load(tmp_path / "none.eds", CanopenSettings())
 
 

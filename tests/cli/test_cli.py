@@ -223,6 +223,11 @@ GOOD = "".join(f"{k / 10},{500 + 10 * k},{k / 100}\n" for k in range(60))
         (("run", "database.yaml"), "MachineState"),
         (("run", "model.yaml"), "effects.dead_zon: no such effect; did you mean dead_zone?"),
         (("demo", "--headless", "--drive", "bad_drive.yaml"), "bad_drive.yaml:3"),
+        (
+            ("demo", "--headless", "--drive", "button.yaml"),
+            "button.yaml:3: operator[0].press: expected one of \"\", set, resume, accelerate, coast, got 'sett'",
+        ),
+        (("record", "text.log", "--config", "virtual.yaml", "--seconds", "-1"), "Invalid value for '--seconds'"),
         (("run", "zero.yaml"), "zero.yaml:4: control.frame_s"),
         (("run", "frame.yaml"), "must be a multiple of it"),
         (("run", "limits.yaml"), "below current_max_ma"),
@@ -251,6 +256,7 @@ def test_a_mistake_gets_one_clear_line(verb, tmp_path, monkeypatch, words, says)
     (tmp_path / "bad_model.yaml").write_text(model.read_text().replace("dead_zone", "dead_zon"))
     (tmp_path / "model.yaml").write_text(settings.replace(str(model), "bad_model.yaml"))
     (tmp_path / "bad_drive.yaml").write_text("seconds: 10.0\nfield:\n  - {at_s: 0.0, grade: 3.0}\n")
+    (tmp_path / "button.yaml").write_text("seconds: 10.0\noperator:\n  - {at_s: 0.0, press: sett}\n")
     code, _, err = verb(*words)
     assert code == 2
     assert says in err

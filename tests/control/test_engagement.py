@@ -74,7 +74,7 @@ def test_resume_takes_the_last_setpoint_where_no_panel_ever_asks_for_one():
         ({"speed_mps": math.nan}, "the machine is too slow or too fast"),
         ({"speed_mps": 9.0}, "the machine is too slow or too fast"),
         ({"coming_mps2": 1.1}, "the current was changed too quickly just now"),
-        ({"requested_mps": math.nan}, "the setpoint is out of range"),
+        ({"requested_mps": math.nan}, "there is no setpoint to resume"),
         ({"requested_mps": 20.0}, "the setpoint is out of range"),
         ({"operator_present": False}, "the panel's frames are missing"),
         ({"enable": False}, "the main switch is off"),

@@ -64,6 +64,13 @@ def test_a_truncated_file_gives_way_to_the_previous_one(file: StateFile, length:
     assert file.read().kept == state(1)
 
 
+def test_what_cannot_be_read_gives_way_to_the_previous_one_and_is_said_in_few_words(file: StateFile):
+    file.write(state(1))
+    file.path.rename(file.previous)
+    file.path.mkdir()
+    assert file.read() == persistence.Found(state(1), (f"{file.path}: cannot be read: Is a directory; it is not used",))
+
+
 def names(file: StateFile) -> list[str]:
     return sorted(path.name for path in file.path.parent.iterdir())
 

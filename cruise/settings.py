@@ -110,6 +110,17 @@ def save(path: str | Path, struct: msgspec.Struct) -> None:
 
 
 @contextmanager
+def named(path: str | Path) -> Iterator[None]:
+    """Let an error of the system that names no file, as that of a full disk, name the one that is written."""
+    try:
+        yield
+    except OSError as error:
+        if error.filename is None:
+            error.filename = str(path)
+        raise
+
+
+@contextmanager
 def replaced(path: str | Path, newline: str) -> Iterator[TextIO]:
     """A text that goes to `.NAME.tmp` beside the file, to the disk, and then takes its place in one step.
 
@@ -118,7 +129,7 @@ def replaced(path: str | Path, newline: str) -> Iterator[TextIO]:
     file = Path(path).resolve()  # a symbolic link stays, what it points at is replaced
     temporary = file.with_name(f".{file.name}.tmp")
     try:
-        with temporary.open("w", encoding="utf-8", newline=newline) as stream:
+        with named(path), temporary.open("w", encoding="utf-8", newline=newline) as stream:
             yield stream
             stream.flush()
             os.fsync(stream.fileno())

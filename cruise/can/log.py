@@ -19,6 +19,7 @@ import can
 from can.io.blf import BLFParseError
 
 from cruise.can.frame import Frame
+from cruise.settings import named
 
 try:  # python-can has imported it by now, where it is installed
     from asammdf.blocks.utils import MdfException
@@ -64,6 +65,7 @@ class LogWriter:
     def __init__(self, writer: can.CanutilsLogWriter) -> None:
         self.frames = 0
         self._writer = writer
+        self._name = str(getattr(writer.file, "name", "log"))
 
     @classmethod
     def create(cls, path: str | Path, channel: str = "can0") -> Self:
@@ -86,12 +88,14 @@ class LogWriter:
             frame = Frame(frame.timestamp, _ERROR | frame.arbitration_id, data=frame.data, channel=frame.channel)
         # The writer would lift a time below the last one; frames of two senders may come out of order.
         self._writer.last_timestamp = frame.timestamp
-        self._writer.on_message_received(frame)
+        with named(self._name):
+            self._writer.on_message_received(frame)
         self.frames += 1
 
     def flush(self) -> None:
         """Hand to the system what has been written."""
-        self._writer.file.flush()
+        with named(self._name):
+            self._writer.file.flush()
 
     def fileno(self) -> int:
         """The file's descriptor."""
@@ -99,7 +103,8 @@ class LogWriter:
 
     def close(self) -> None:
         """End the log."""
-        self._writer.stop()
+        with named(self._name):
+            self._writer.stop()
 
     def __enter__(self) -> Self:
         return self

@@ -1,11 +1,13 @@
 """The command line: one verb a file, each thin. `main` is the entry point."""
 
+import errno
 import sys
 from importlib import import_module
 from importlib.metadata import version
 from typing import Annotated
 
 STOPPED = 130  # exit code of what Ctrl-C ended, as shells have it
+DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # what is wrong with a disk, whichever file it is
 VERBS = (
     "demo", "run", "plant", "record", "replay", "experiment", "explore", "identify", "orders", "paper", "effects",
     "compare", "diagnose", "add", "ladder", "workbench",
@@ -61,9 +63,9 @@ def _run() -> None:
         print(f"cruise: {error}", file=sys.stderr)
         sys.exit(2)
     except OSError as error:
-        if error.filename is None:  # not about a file of the user's
+        if error.filename is None and error.errno not in DISK:  # not about a file of the user's
             raise
-        print(f"cruise: {error.filename}: {error.strerror}", file=sys.stderr)
+        print(f"cruise: {error.filename or wanted}: {error.strerror}", file=sys.stderr)
         sys.exit(2)
     except BusLostError as error:
         print(f"cruise: {error}", file=sys.stderr)

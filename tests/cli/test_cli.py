@@ -71,6 +71,22 @@ def test_the_demo_says_why_it_let_go_last(verb, tmp_path):
     assert json.loads(verb(*words, "--json")[1])["last_exit"] == "brake (ISO exit reason 3, override)"
 
 
+@pytest.mark.parametrize(("written", "named"), [("demo-1.log", "out/demo-1.log"), ("demo-1.png", "demo")])
+def test_a_full_disk_gets_one_clear_line(verb, tmp_path, written, named):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / written).symlink_to("/dev/full")
+    code, _, err = verb("demo", "--headless", "--seconds", "5", "--out", "out")
+    assert code == 2
+    assert err.splitlines()[-1] == f"cruise: {named}: No space left on device"
+    assert "Traceback" not in err
+
+
+def test_a_full_disk_names_the_model_that_could_not_be_written(verb, driven, tmp_path):
+    (tmp_path / ".learned.yaml.tmp").symlink_to("/dev/full")
+    code, _, err = verb("replay", driven[0][0] / "demo-4.log", "--save", "learned.yaml")
+    assert (code, err) == (2, "cruise: learned.yaml: No space left on device\n")
+
+
 def test_a_replayed_log_teaches_what_the_drive_taught(verb, driven):
     folder, text = driven[0]
     code, out, _ = verb("replay", folder / "demo-4.log", "--json")

@@ -129,21 +129,26 @@ class Hearing:
             times_s = self.arrivals.setdefault(message, deque(maxlen=MOST))
             if not times_s or time_s - times_s[-1] > FRESH_S:
                 self.since_s[message] = time_s
-            times_s.append(time_s)
+            _arrive(times_s, time_s)
 
     def _hear_word(self, reading: Reading) -> None:
         self.words.append(reading.value)
         if len(self.words) == 3:
             first, other, again = self.words
             if abs(first - other) > WAVERING_MPS and abs(first - again) <= WAVERING_MPS:
-                self.wavered.append(reading.time_s)
+                _arrive(self.wavered, reading.time_s)
 
     def _count(self, message: str, now_s: float) -> int:
         return _recent(self.arrivals[message], now_s)
 
 
-def _recent(times_s: deque[float], now_s: float) -> int:
-    """How many of the times lie in the last second; older ones are dropped."""
+def _arrive(times_s: deque[float], now_s: float) -> None:
+    """One more, and none that is too old to be counted from now on."""
     while times_s and now_s - times_s[0] > COUNT_S:
         times_s.popleft()
-    return len(times_s)
+    times_s.append(now_s)
+
+
+def _recent(times_s: deque[float], now_s: float) -> int:
+    """How many of the times lie in the last second."""
+    return sum(now_s - time_s <= COUNT_S for time_s in times_s)

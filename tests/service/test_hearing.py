@@ -83,7 +83,10 @@ def test_a_second_sender_shows_in_the_rate_and_a_late_burst_does_not():
         return ears
 
     steady = [2.0 + 0.1 * k for k in range(20)]
-    assert heard(steady).crowding(3.9) <= 1.0
+    ears = heard(steady)
+    for _ in range(2):  # to look later changes nothing
+        assert 0.8 < ears.crowding(3.9) <= 1.0
+        assert ears.crowding(9.0) == 0.0
     assert heard(sorted(steady + [time_s + 0.01 for time_s in steady])).crowding(3.95) > 1.6
     assert heard([max(time_s, 2.3) for time_s in steady[:9]]).crowding(2.8) < 1.6
     assert math.isnan(hearing().crowding(1.0))
@@ -104,8 +107,9 @@ def test_a_setpoint_that_goes_back_and_forth_is_counted(words, times):
     for k, word in enumerate(words):
         ears.take(sender.encode("MachineSelectedSpeedCommand", {"setpoint_mps": word}, 0.1 * k))
         canopen.take_word(Reading("setpoint_mps", 0.1 * k, word))
-    assert ears.wavering(0.1 * len(words)) == canopen.wavering(0.1 * len(words)) == times
-    assert ears.wavering(5.0) == 0
+    for _ in range(2):  # to look later changes nothing
+        assert ears.wavering(0.1 * len(words)) == canopen.wavering(0.1 * len(words)) == times
+        assert ears.wavering(5.0) == 0
 
 
 @pytest.mark.parametrize("button", ["cruise_set", "cruise_resume"])

@@ -18,7 +18,7 @@ from cruise.grid import typical_step
 from cruise.recording import MIN_SAMPLES, Readings, Recording, RecordingError, listed, on_grid
 from cruise.sampling import FloatArray
 from cruise.signals import CONTEXT, INPUT, OUTPUT, SIGNALS
-from cruise.times import from_its_start, gap_notes, last_of_each, rate_notes, rising, usable_rows
+from cruise.times import from_its_start, gap_notes, last_of_each, rate_notes, rising, rounded_notes, usable_rows
 from cruise.units import FULL_MA, MA_PER_UNIT, UNITS, InputUnit, bracketed, entry, spelt
 
 TIME: Final = "time_s"
@@ -83,6 +83,7 @@ def tabulated(
     time_s = _scaled(raw[time], settings.columns.get(time) or _by_name(time, "s", said))
     time_s = from_its_start(time_s, said)
     keep = usable_rows(source, time, time_s, place, said)
+    said += rounded_notes(time, time_s, raw[speed], keep)
     columns = {name: last_of_each(time_s, values, keep) for name, values in raw.items() if name != time}
     time_s = time_s[keep]
     signals = _signals(source, columns, current, speed, settings, said, ("rows", "cells hold no number, not measured"))

@@ -15,6 +15,9 @@ from cruise.units import entry, spelt
 MAX_STEP_S: Final = 3.0  # no prediction that is judged 3 s ahead can be made from rarer readings
 SLOW_STEP_S: Final = 0.5  # no machine's own rate; more may be ms
 MAX_GAP_NOTES: Final = 5
+MOST_PARTS: Final = 10  # drives that anyone would put into one file; time goes back oftener where rows are out of order
+FEW_ROWS: Final = 5.0  # typical steps; a clock that is set goes back further
+ROUNDED_SHARE: Final = 0.25  # of the values; more do not share their time by chance
 CLOCK_DIGITS: Final = 6  # of s: seconds since 1970 hold no more
 CLOCK_S: Final = 1e8  # s, three years: times beyond are those of a clock, and no drive's own
 
@@ -60,13 +63,18 @@ def usable_rows(
     if np.any(steps < 0.0):
         at = int(np.argmax(steps < 0.0))
         before, after = time_s[timed[at]], time_s[timed[at + 1]]
+        sort = "sort the rows by time; or, if the clock was set, " if _unsorted(steps) else ""
         raise RecordingError(
             f"{place(int(timed[at + 1]))}: time runs backwards, from {before:.10g} s to {after:.10g} s; "
-            "split the file there: each part is a recording of its own"
+            f"{sort}split the file there: each part is a recording of its own"
         )
     kept = timed[np.append(steps > 0.0, True)[: len(timed)]]  # of rows with one time, the last number of each column
     if len(kept) < len(timed):
         notes.append(f"{len(timed) - len(kept)} rows have the time of the next one: they count as one with it")
+    if len(kept) == 1 and len(timed) >= MIN_SAMPLES:
+        raise RecordingError(
+            f"{source}: all {len(timed)} rows have one time, {time_s[kept[0]]:.10g} s; let {time} hold that of each row"
+        )
     if len(kept) < MIN_SAMPLES:
         raise RecordingError(f"{source}: {len(kept)} usable rows are too few; a recording needs {MIN_SAMPLES} at least")
     step_s = typical_step(time_s[kept])
@@ -77,6 +85,22 @@ def usable_rows(
     if step_s > (1.0 + SAME_STEP) * SLOW_STEP_S:
         notes.append(f"{time}: one row every {step_s:.4g} s" + (f"; if it is in ms, {in_ms}" if in_ms else ""))
     return kept
+
+
+def _unsorted(steps: FloatArray) -> bool:
+    """Whether rows are out of order, rather than parts of a file: they go back often, or a few rows only."""
+    back = steps[steps < 0.0]
+    forward = steps[steps > 0.0]
+    return len(back) > MOST_PARTS or (len(forward) > 0 and -back.min() <= FEW_ROWS * float(np.median(forward)))
+
+
+def rounded_notes(time: str, time_s: FloatArray, values: FloatArray, kept: npt.NDArray[np.intp]) -> list[str]:
+    """Return a note where many rows with a value of their own share their time with others: its stamps were rounded."""
+    measured = int(np.count_nonzero(~np.isnan(values) & ~np.isnan(time_s)))
+    lost = measured - len(kept)
+    if lost <= ROUNDED_SHARE * measured:
+        return []
+    return [f"{time}: {lost} of {measured} values are lost, as its stamps lack decimals; write it with all its digits"]
 
 
 def last_of_each(time_s: FloatArray, values: FloatArray, kept: npt.NDArray[np.intp]) -> Readings:

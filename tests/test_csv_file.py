@@ -195,6 +195,12 @@ def test_bad_cells_and_rows_are_counted_not_taken(tmp_path):
     )
 
 
+def test_stamps_without_decimals_are_told_what_they_cost(tmp_path):
+    rows = [f"{k // 10},{10 * k},{0.2 * k:.1f}" for k in range(200)]
+    read = read_csv(csv_of(tmp_path, rows), PLAIN)
+    assert "time_s: 180 of 200 values are lost, as its stamps lack decimals; write it with all its digits" in read.notes
+
+
 def test_one_signal_a_row_under_one_time_is_one_row(tmp_path):
     rows = [line for k in range(20) for line in (f"{0.1 * k:.1f},{10 * k},", f"{0.1 * k:.1f},,{0.2 * k:.1f}")]
     read = read_csv(csv_of(tmp_path, rows), PLAIN)
@@ -273,7 +279,10 @@ def changed(rows: list[str], index: int, row: str) -> list[str]:
         ("time_s,pump_current_ma,pump_current_ma", ramp(), "several columns are named pump_current_ma"),
         ("0.0,1.0,2.0", ramp(), "drive.csv:1: no header line"),
         ("", [], "drive.csv:1: no header line"),
-        (None, changed(ramp(), 7, "0.55,70,1.4"), "drive.csv:9: time runs backwards, from 0.6 s to 0.55 s; split"),
+        (None, changed(ramp(), 7, "0.55,70,1.4"), "drive.csv:9: time runs backwards, from 0.6 s to 0.55 s; sort"),
+        (None, [*ramp(), *ramp()], "drive.csv:22: time runs backwards, from 1.9 s to 0 s; split the file there: each"),
+        (None, 12 * ramp(), "drive.csv:22: time runs backwards, from 1.9 s to 0 s; sort the rows by time; or, if"),
+        (None, [f"0.5,{k},1" for k in range(20)], "drive.csv: all 20 rows have one time, 0.5 s; let time_s hold that"),
         (None, changed(ramp(), 7, "0.7,70,1.4,9"), "drive.csv:9: 4 cells, but the header names 3 columns"),
         ("Logger X200", ["", "time_s,pump_current_ma", *ramp()], "the first line has to be the header"),
         (None, [f"09:00:{k:02d},1,1" for k in range(20)], "drive.csv:2: no row has a time; let the time column hold"),

@@ -79,8 +79,15 @@ def unmoved(whole: Sequence[Piece]) -> NotPossible | None:
     """Return why nothing dynamic can be found in these pieces, or None where input and output move."""
     if not whole:
         return NotPossible("no sample has both current and speed: record both")
-    for name, parts in (("current", [p.current_ma for p in whole]), ("speed", [p.speed_mps for p in whole])):
-        joined = np.concatenate(parts)
-        if np.ptp(joined) <= CONSTANT * np.max(np.abs(joined)):
-            return NotPossible(f"the {name} is constant: drive `cruise experiment white_noise`, or steps")
+    if _constant([piece.current_ma for piece in whole]):
+        return NotPossible("the current is constant: drive `cruise experiment white_noise`, or steps")
+    if _constant([piece.speed_mps for piece in whole]):
+        return NotPossible(
+            "the speed is constant while the current moves: see to its sensor, or choose another column with --output"
+        )
     return None
+
+
+def _constant(parts: Sequence[FloatArray]) -> bool:
+    joined = np.concatenate(parts)
+    return bool(np.ptp(joined) <= CONSTANT * np.max(np.abs(joined)))

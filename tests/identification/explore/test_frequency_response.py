@@ -180,7 +180,7 @@ def test_what_is_not_coherent_is_not_known():
     ("u", "y", "says"),
     [
         (np.full(2000, 700.0), noise(2000, 1), "the current is constant"),
-        (white(2000, 1), np.full(2000, 2.0), "the speed is constant"),
+        (white(2000, 1), np.full(2000, 2.0), "the speed is constant while the current moves: see to its sensor"),
         (white(2000, 1), noise(2000, 1), "no gain is known anywhere"),
         (white(60, 1), white(60, 1) / 300.0, "too short for a frequency response"),
         (white(60, 1), np.full(60, np.nan), "no sample has both"),

@@ -141,7 +141,7 @@ def read_log(path: str | Path) -> Iterator[Frame]:
             if isinstance(reader, can.ASCReader) and _unfinished(file):
                 missing = "before the end of its trigger block"
     except _UNREADABLE as error:
-        place, reason = f"{path}{_place(file, frames)}", f"cannot be read: {str(error) or type(error).__name__}"
+        place, reason = f"{path}{_place(file, frames)}", f"cannot be read: {_in_words(error, file)}"
         if goes_on or not frames:
             raise LogError(f"{place}: {reason}") from error
         raise BrokenLogError(place, reason) from error
@@ -164,6 +164,19 @@ def _unfinished(file: Path) -> bool:
     with opened(file, "rt", errors="replace") as lines:
         marks = [line.split()[0].lower() for line in lines if "triggerblock" in line.lower()]
     return marks[-1:] == ["begin"]
+
+
+def _in_words(error: Exception, file: Path) -> str:
+    """Return what is wrong with a log, where python-can's readers only stumbled over it."""
+    kind = "".join(file.suffixes[-2:] if file.suffix.lower() == ".gz" else [file.suffix])
+    other = "is it a log of another kind? give it the ending of its own"
+    if isinstance(error, UnicodeDecodeError):
+        return f"it is not text, as a log that ends in {kind} is; {other}"
+    if isinstance(error, struct.error):
+        return f"it holds less than a log that ends in {kind} does; copy it again; or {other}"
+    if isinstance(error, ValueError) and "to unpack" in str(error):
+        return f"the line is not one of a log that ends in {kind}; mend it, or {other}"
+    return str(error) or type(error).__name__
 
 
 def _place(file: Path, frames: int) -> str:

@@ -92,10 +92,10 @@ def test_other_formats(tmp_path: Path, suffix: str):
     ("line", "reason"),
     [
         ("(1.0) can0 0CF00400#FFFF", ""),  # whole by chance: the codec finds it too short
-        ("(1.0) can0 0CF0", "unpack"),
-        ("(1.", "unpack"),
+        ("(1.0) can0 0CF0", "the line is not one of a log that ends in .log; mend it"),
+        ("(1.", "the line is not one"),
         ("(1.0) can0 0CF00400#FFFZ", "invalid literal"),
-        ("time_s,pump_current_ma,ground_speed_mps", "unpack"),
+        ("time_s,pump_current_ma,ground_speed_mps", "is it a log of another kind"),
     ],
 )
 def test_a_broken_line_is_named_after_all_frames_before_it(tmp_path: Path, line: str, reason: str):
@@ -146,6 +146,24 @@ def test_rubbish_under_every_name(tmp_path: Path, suffix: str, content: bytes):
     path.write_bytes(content)
     with pytest.raises(LogError, match=f"^{path}"):
         list(read_log(path))
+
+
+@pytest.mark.filterwarnings("ignore:unclosed file:ResourceWarning")  # python-can's readers, on files that are none
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("a.blf", b"", "holds less than a log that ends in .blf does; copy it again"),
+        ("a.asc", b"\xff\xfe\x00rubbish\n", "it is not text, as a log that ends in .asc is"),
+        ("a.b.trc", b"\xff\xfe\x00rubbish\n", "it is not text, as a log that ends in .trc is"),
+        ("a.log", b"hello\n", "the line is not one of a log that ends in .log"),
+    ],
+)
+def test_what_a_file_is_not_is_said_without_the_reader_s_own_words(tmp_path: Path, name, content, said):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(LogError) as caught:
+        list(read_log(tmp_path / name))
+    assert said in str(caught.value)
+    assert "is it a log of another kind? give it the ending of its own" in str(caught.value)
 
 
 def test_a_file_that_is_no_log(tmp_path: Path):

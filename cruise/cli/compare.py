@@ -28,9 +28,9 @@ from cruise.cli.reading import (
     above_zero,
     columns_of,
     count_of,
-    destination,
     prepared_by,
     tables,
+    writable,
 )
 from cruise.identification.accuracy import Accuracy
 from cruise.identification.families import Linear
@@ -67,7 +67,7 @@ def compare(
     structure, start = model_named(model)
     preparation = prepared_by(period, cutoff, start)
     above_zero("--horizon", horizon)
-    destination("--picture", picture, PICTURES)
+    writable("--picture", picture, PICTURES)
     read = tables(recordings, columns_of(columns, input_name, output_name, database), model=model)
     judged: Structure | tuple[Structure, Linear] = structure
     fitted_to: tuple[str, ...] = ()

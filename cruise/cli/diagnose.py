@@ -22,9 +22,9 @@ from cruise.cli.reading import (
     Recordings,
     above_zero,
     columns_of,
-    destination,
     prepared_by,
     tables,
+    writable,
 )
 from cruise.identification.families import Linear
 from cruise.identification.named import model_named
@@ -69,7 +69,7 @@ def diagnose(
     above_zero("--horizon", horizon)
     wanted = picture if picture is not None or as_json else OUT / "diagnose.png"
     if wanted is not None:
-        destination("--picture", wanted, PICTURES)
+        writable("--picture", wanted, PICTURES)
     with working("reading") as show:
         read = columns_of(columns, input_name, output_name, database)
         native = tables(recordings, read, model=model)

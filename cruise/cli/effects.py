@@ -13,7 +13,7 @@ from rich.table import Table
 
 from cruise.cli import effects_picture
 from cruise.cli.console import bold, printer
-from cruise.cli.reading import PICTURES, AsJson, destination
+from cruise.cli.reading import PICTURES, AsJson, writable
 from cruise.effects import EFFECTS, Effect, Parameter, Stage
 from cruise.effects.custom import Custom
 from cruise.report.effect import headline, paragraphs
@@ -51,7 +51,7 @@ def effects(
     effect = _named(name)
     drawn = None
     if picture is not None:
-        drawn = effects_picture.draw(effect, destination("--picture", picture, PICTURES))
+        drawn = effects_picture.draw(effect, writable("--picture", picture, PICTURES))
     if as_json:
         print(json.dumps(report(effect) | ({"picture": str(drawn)} if drawn else {}), indent=2))
     else:

@@ -20,8 +20,8 @@ from cruise.cli.reading import (
     above_zero,
     columns_of,
     count_of,
-    destination,
     tables,
+    writable,
 )
 from cruise.grid import SAME_STEP, sensible_step, typical_step
 from cruise.identification import explore as analyses
@@ -47,7 +47,7 @@ def explore(
     as_json: AsJson = False,
 ) -> None:
     """Say what recordings hold: response, delay, static curve, excitation and the quality of the data."""
-    destination("--picture", picture, PICTURES)
+    writable("--picture", picture, PICTURES)
     if period is not None:
         above_zero("--period", period)
     read = tables(recordings, columns_of(columns, input_name, output_name, database), period)

@@ -30,7 +30,6 @@ from cruise.cli.reading import (
     above_zero,
     columns_of,
     count_of,
-    destination,
     prepared_by,
     tables,
     writable,
@@ -74,7 +73,7 @@ def identify(
         raise FitError(f"{model}: a model without the current can't drive; leave out -o, or give nb=1 or more")
     preparation = prepared_by(period, cutoff, start)
     above_zero("--horizon", horizon)
-    destination("--picture", picture, PICTURES)
+    writable("--picture", picture, PICTURES)
     if out is not None:
         writable("--out", out)
     read = tables(recordings, columns_of(columns, input_name, output_name, database), model=model)

@@ -13,7 +13,7 @@ from cruise import settings
 from cruise.cli import ladder_picture
 from cruise.cli.console import bold, printer
 from cruise.cli.places import REPLAY
-from cruise.cli.reading import PICTURES, AsJson, destination, writable
+from cruise.cli.reading import PICTURES, AsJson, writable
 from cruise.model import files
 from cruise.model.files import Step
 from cruise.model.history import history_of, undone
@@ -59,7 +59,7 @@ def ladder(
         raise SettingsError(f"{model}: no effect was added to it yet; cruise add EFFECT --model {model} does")
     drawn = None
     if picture is not None:
-        drawn = ladder_picture.draw(rungs, model.name, destination("--picture", picture, PICTURES))
+        drawn = ladder_picture.draw(rungs, model.name, writable("--picture", picture, PICTURES))
     if as_json:
         print(json.dumps(report(model, rungs) | ({"picture": str(drawn)} if drawn else {}), indent=2))
     else:

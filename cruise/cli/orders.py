@@ -28,9 +28,9 @@ from cruise.cli.reading import (
     above_zero,
     columns_of,
     count_of,
-    destination,
     prepared_by,
     tables,
+    writable,
 )
 from cruise.identification.identify import validation_filter, with_shapes
 from cruise.identification.named import model_named
@@ -65,7 +65,7 @@ def orders(
         raise FitError(f"{model}: the search is over ARX structures; name one, such as arx10B, for its effects")
     preparation = prepared_by(period, cutoff, start)
     above_zero("--horizon", horizon)
-    destination("--picture", picture, PICTURES)
+    writable("--picture", picture, PICTURES)
     period_s = preparation.period_s
     read = tables(recordings, columns_of(columns, input_name, output_name, database), model=model)
     prepared = at_period(read, period_s)

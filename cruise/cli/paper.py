@@ -16,7 +16,7 @@ from rich.table import Table
 from cruise.cli import paper_picture
 from cruise.cli.console import printer
 from cruise.cli.places import CONFIG, OUT
-from cruise.cli.reading import PICTURES, AsJson, destination
+from cruise.cli.reading import PICTURES, AsJson, writable
 from cruise.paper import published as printed
 from cruise.paper import records
 from cruise.paper.reproduce import Reproduction, Row, reproduce
@@ -41,7 +41,7 @@ def paper(
     as_json: AsJson = False,
 ) -> None:
     """Redo the paper: explained 3 s ahead in percent, ours over all seeds beside every published number."""
-    destination("--picture", picture, PICTURES)
+    writable("--picture", picture, PICTURES)
     setting, published = records.load(folder), printed.load(folder / "published.yaml")
     with Progress(console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("seeds", total=seeds)

@@ -102,14 +102,18 @@ def destination(option: str, path: Path, endings: Sequence[str]) -> Path:
     return path
 
 
-def writable(option: str, path: Path, endings: Sequence[str] = MODEL_FILES) -> None:
-    """SettingsError where no such file can be written: found out before the fit, or the drive, so that none is lost."""
+def writable(option: str, path: Path, endings: Sequence[str] = MODEL_FILES) -> Path:
+    """`path` as `destination` gives it. SettingsError where no such file can be written.
+
+    So it is found out before the fit, or the drive, that none is lost.
+    """
     destination(option, path, endings)
     try:
         with tempfile.TemporaryFile(dir=path.parent):
             pass
     except OSError as error:
         raise SettingsError(f"{option} {path}: can't be written: {error.strerror}") from error
+    return path
 
 
 def count_of(number: int, thing: str) -> str:

@@ -81,6 +81,26 @@ def test_where_a_file_goes_is_made_or_refused_before_the_work(tmp_path):
         reading.destination("--picture", tmp_path / "file" / "p.png", reading.PICTURES)
 
 
+VERBS_WITH_A_PICTURE = [
+    "explore x.csv",
+    "orders x.csv",
+    "identify x.csv",
+    "compare x.csv --model arx1",
+    "diagnose x.csv",
+]
+
+
+@pytest.mark.parametrize("words", [*VERBS_WITH_A_PICTURE, "effects grade", "paper"])
+def test_a_picture_that_can_not_be_written_is_the_option_s_fault(words, verb, tmp_path, monkeypatch):
+    def full(**named: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(reading.tempfile, "TemporaryFile", full)
+    code, _, err = verb(*words.split(), "--picture", tmp_path / "p.png")
+    assert code == 2
+    assert f"--picture {tmp_path / 'p.png'}: can't be written: No space left on device" in err
+
+
 def test_notes_stand_under_their_files_and_one_thing_is_no_plural():
     time_s = 0.2 * np.arange(20)
     one = Recording(time_s, {INPUT: time_s, OUTPUT: time_s}, 0.2, "/deep/folder/a.csv", ("gap of 3 s", "1 row lost"))

@@ -8,7 +8,7 @@ import typer
 
 from cruise.can.bus import Bus, PatientBus, open_bus
 from cruise.can.codec import Codec
-from cruise.can.log import LogError, LogWriter
+from cruise.can.log import CANDUMP, LogError, LogWriter
 from cruise.can.ring import Ring, RingSettings
 from cruise.cli.places import CONFIG
 from cruise.cli.run import Running, say
@@ -30,6 +30,10 @@ def record(
 ) -> None:
     """Record every frame of the bus until it is stopped."""
     settings = service_settings.load(config)
+    if ring and log.is_file():
+        raise LogError(f"{log}: is a file; with --ring give a folder")
+    if not ring and log.suffix != CANDUMP:
+        raise LogError(f"{log}: logs are written as candump logs; let the name end in {CANDUMP}")
     if ring:
         _ring(settings, log, RingSettings(size_bytes=int(1e6 * size_mb)), seconds)
         return
@@ -42,8 +46,9 @@ def record(
 
 def _ring(settings: CruiseSettings, folder: Path, kept: RingSettings, seconds: float) -> None:
     notifier = Notifier.of()
-    box = BlackBox(Codec.load(settings.database, settings.can), Ring(folder, kept, settings.can.channel), say)
+    codec = Codec.load(settings.database, settings.can)
     with PatientBus(settings.can.channel, lambda: open_bus(settings.can)) as bus:
+        box = BlackBox(codec, Ring(folder, kept, settings.can.channel), say)
         notifier.ready()
         try:
             _listen(box, bus, seconds, notifier.alive)

@@ -86,7 +86,7 @@ VERBS_WITH_A_PICTURE = [
     "orders x.csv",
     "identify x.csv",
     "compare x.csv --model arx1",
-    "diagnose x.csv",
+    "diagnose x.csv --model arx1",
 ]
 
 

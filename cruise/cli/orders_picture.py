@@ -29,7 +29,6 @@ def draw(found: Search, path: Path) -> Path:
     left.set_xlabel("parameters (-)")
     left.xaxis.set_major_locator(ticker.MaxNLocator(integer=True))
     left.set_ylabel(f"held-out error {found.horizon_s:g} s ahead (RMSE, m/s)")
-    left.legend(loc="upper right", fontsize="small")
     orders = sorted({one.na for one in usable})
     for na, colour in zip(orders, (BLUE, ORANGE, RED, GREY, *["black"] * len(orders)), strict=False):
         delays = sorted({one.delay for one in usable if one.na == na})
@@ -41,6 +40,7 @@ def draw(found: Search, path: Path) -> Path:
     least = min(one.rmse_mps for one in usable)
     median = float(np.median([one.rmse_mps for one in usable]))
     left.set_ylim(least - 0.08 * (median - least), least + 2.5 * (median - least) if median > least else None)
+    left.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, fontsize="small", frameon=False)
     for axis in (left, right):
         axis.grid(alpha=0.3)
     figure.savefig(path, dpi=110)

@@ -16,6 +16,8 @@ from cruise.validation.worst_stretches import Stretch
 MOST_SHOWN = 4  # recordings below each other; of more, the one that errs most
 BINS = 1200  # of time over the width of a picture, about one a pixel
 BARS = 3  # quantities beside the heat map
+WITHIN = " - within noise"
+LABELS = 56  # letters of all labels below the bars that stand side by side
 LEAST_WRITTEN = 0.01  # share of time and error of a cell from which its figures are written into it
 
 
@@ -40,7 +42,8 @@ def draw(
     if where.heat_map is None:
         left.text(0.5, 0.5, "fewer than two quantities move: no map of regimes", ha="center", color=GREY)
     else:
-        _map(left, where.heat_map)
+        told = [table.words for table, regime in zip(where.tables, where.regimes, strict=True) if regime.named]
+        _map(left, where.heat_map, {where.heat_map.rows.words, where.heat_map.columns.words} <= set(told))
     _bars(right, where)
     figure.savefig(path, dpi=100)
     plt.close(figure)
@@ -110,7 +113,7 @@ def _one(
         error.legend(loc="lower right", fontsize="small")
 
 
-def _map(figure: Any, found: HeatMap) -> None:
+def _map(figure: Any, found: HeatMap, named: bool) -> None:
     axis = figure.subplots()
     with np.errstate(invalid="ignore"):
         shown = np.where(found.time_share > 0.0, found.rmse_mps, np.nan)
@@ -122,10 +125,12 @@ def _map(figure: Any, found: HeatMap) -> None:
             color = "black" if shown[i, j] > middle else "white"
             axis.text(j, i, text, ha="center", va="center", color=color, fontsize="small")
     axis.set_xticks(range(len(found.columns.labels)), found.columns.labels, fontsize="small")
-    axis.set_yticks(range(len(found.rows.labels)), found.rows.labels, fontsize="small")
+    axis.set_yticks(
+        range(len(found.rows.labels)), [textwrap.fill(one, 8) for one in found.rows.labels], fontsize="small"
+    )
     axis.set_xlabel(_heading(found.columns))
     axis.set_ylabel(_heading(found.rows))
-    axis.set_title("share of the squared error, in share of the time", loc="left")
+    axis.set_title("share of the squared error, in share of the time" + WITHIN * (not named), loc="left")
     figure.colorbar(image, ax=axis, label="RMSE (m/s)")
 
 
@@ -139,12 +144,12 @@ def _bars(figure: Any, where: Regimes) -> None:
         place = np.arange(len(table.labels))
         axis.bar(place - 0.2, 100 * table.error_share, 0.4, color=RED, label="of the squared error")
         axis.bar(place + 0.2, 100 * table.time_share, 0.4, color=GREY, label="of the time")
-        axis.set_xticks(place, [textwrap.fill(label, 14) for label in table.labels], fontsize="small")
+        axis.set_xticks(place, [textwrap.fill(label, LABELS // len(place)) for label in table.labels], fontsize="small")
         axis.set_ylabel("share (%)")
-        axis.set_title(_heading(table) + ("" if named else " - within noise"), loc="left", fontsize="medium")
+        axis.set_title(_heading(table) + WITHIN * (not named), loc="left", fontsize="medium")
         axis.grid(alpha=0.3, axis="y")
         if number == 0:
-            axis.legend(loc="lower right", bbox_to_anchor=(1.0, 0.97), ncols=2, fontsize="small", frameon=False)
+            figure.legend(*axis.get_legend_handles_labels(), loc="outside lower right", ncols=2, fontsize="small")
 
 
 def _heading(table: Table) -> str:

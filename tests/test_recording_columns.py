@@ -268,7 +268,7 @@ def test_another_output_leaves_the_recorded_speed_in_place(tmp_path):
         (RecordingSettings(columns={"gaer": ColumnSettings()}), "'gaer' for columns.*; correct it in the file of"),
         (RecordingSettings(active_when=ActiveWhen(column="safe")), "no column 'safe' for active_when"),
         (RecordingSettings(active_when=ActiveWhen(column="time_s")), "active_when: 'time_s' is the time, and no flag"),
-        (RecordingSettings(columns={"time_s": ColumnSettings(scale=0.0)}), "1 usable rows are too few"),
+        (RecordingSettings(columns={"time_s": ColumnSettings(scale=0.0)}), "all 20 rows have one time, 0 s"),
         (RecordingSettings(input="ground_speed_mps", output="ground_speed_mps"), "both input and output"),
     ],
 )

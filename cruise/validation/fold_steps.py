@@ -1,25 +1,22 @@
 """How far the parameters move where a part of the recording is left out.
 
-    minimise over z   1/2 z' (H - H_i) z - (p_i - p_b)' z,    l <= z <= u
+    (H - H_i) z = p_i,    z of what a bound holds 0,    |z| <= 1
 
-z change of the parameters in units of their own scale, within their bounds and no more than one, H = S' S of all
-samples with S the derivatives of the errors and H_i of the part that is left out, p_i = S_i' e_i its pull with e the
-errors, p_b the pull of all where it holds a parameter on its bound. What a fit that has not ended pulls otherwise is no
-news of the part. Where a bound holds one parameter, the others go where they want to be beside it: to cut the step of
-all short instead would leave them where no fit has them. Source: J. Nocedal and S. Wright, Numerical Optimization,
-2nd ed. 2006, chapter 16; solver: scipy's lsq_linear (Stark and Parker).
+z change of the parameters in units of their own scale, H = S' S of all samples with S the derivatives of the errors and
+H_i of the part that is left out, p_i = S_i' e_i its pull with e the errors. What the full fit has left of its own pull
+is no news of the part. A parameter that the pull of all holds on its bound stays there, and the others go where they
+want to be beside it: with it in the equations they would make room for what it can't do, and no such step errs less.
+Source: L. Ljung, System Identification, 2nd ed. 1999, section 10.2 (one step of Gauss and Newton).
 """
 
 from typing import Final
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
 from cruise.validation.fitting import Layout
 
 DAMPING: Final = 1e-3  # of the diagonal: directions that nothing excites stay
 ON_BOUND: Final = 1e-3  # of a parameter's scale, within which a bound holds it
-FLAT: Final = 1e-12  # of the greatest curvature, below which a direction has that
 
 
 def fold_steps(
@@ -30,19 +27,17 @@ def fold_steps(
     `slopes` (N, p) are in m/s per scale of a parameter, errors (N,) in m/s.
     """
     scale = plan.scale
-    low, high = (np.clip((bound - vector) / scale, -1.0, 1.0) for bound in plan.bounds)
+    low, high = plan.bounds
     products = np.array([slopes[held == i].T @ slopes[held == i] for i in range(count)])
     pulls = np.array([slopes[held == i].T @ error_mps[held == i] for i in range(count)])
     total = pulls.sum(axis=0)
-    kept = np.where(((low > -ON_BOUND) & (total > 0.0)) | ((high < ON_BOUND) & (total < 0.0)), total, 0.0)
+    below, above = (vector - low) / scale < ON_BOUND, (high - vector) / scale < ON_BOUND
+    free = ~((below & (total > 0.0)) | (above & (total < 0.0)))
     steps = []
     for i in range(count):
-        curvature = products.sum(axis=0) - products[i]
-        steps.append(scale * _bounded(curvature + DAMPING * np.diag(np.diag(curvature)), pulls[i] - kept, low, high))
+        curvature = (products.sum(axis=0) - products[i])[np.ix_(free, free)]
+        damped = curvature + np.diag(DAMPING * np.diag(curvature) + 1e-12 * np.trace(curvature) + 1e-30)
+        step = np.zeros(len(vector))
+        step[free] = np.clip(np.linalg.solve(damped, pulls[i][free]), -1.0, 1.0)
+        steps.append(scale * step)
     return steps
-
-
-def _bounded(curvature: np.ndarray, pull: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    strength, ways = np.linalg.eigh(curvature)
-    root = np.sqrt(np.maximum(strength, FLAT * strength[-1] + np.finfo(float).tiny))
-    return lsq_linear(root[:, None] * ways.T, ways.T @ pull / root, bounds=(low, high), method="bvls").x

@@ -38,7 +38,7 @@ def test_its_model_has_the_parameters_of_the_physics(period_s):
     assert named["c_0_mps"] == pytest.approx((1.0 - a) * 0.1)
     assert model.dc_gain_mps_per_ma == pytest.approx(2.5e-3)
     assert model.effects == EFFECTS
-    assert (model.period_s, model.na, model.delay) == (period_s, 1, int(0.3 / period_s))
+    assert (model.period_s, model.na, model.delay) == (period_s, 1, {0.05: 6, 0.2: 1}[period_s])
 
 
 def test_like_another_model_it_has_that_ones_delay_and_taps():

@@ -22,6 +22,7 @@ from cruise.units import InputUnit
 MIN_SAMPLES: Final = 10  # fewer cannot hold even the shortest model's past and a 3 s horizon at 5 Hz
 MAX_SAMPLES: Final = 5_000_000  # 14 h at 100 Hz, 40 MB a signal
 COARSER: Final = 1.2  # grid step over data step from which samples are means; below it nothing much can alias
+SLOWER: Final = 1.001  # times a period, from which on a step is longer
 EARLY: Final = 0.1  # of a grid step: a held value stamped this little late is taken as in time; DART jitters by 0.095
 
 
@@ -112,6 +113,11 @@ def resample(recording: Recording, dt_s: float) -> Recording:
     }
     resampled = on_grid(recording.since_s, columns, dt_s, recording.source, recording.notes, held=recording.averaged)
     return replace(resampled, stamps_s=recording.stamps_s, input_unit=recording.input_unit)
+
+
+def too_slow(dt_s: float, period_s: float, what: str = "a model") -> str:
+    """In words, where steps are longer than a period, so that nothing is there for each of it; else empty."""
+    return f"sampled every {dt_s:g} s, too slowly for {what} of {period_s:g} s" if dt_s > SLOWER * period_s else ""
 
 
 def notes_of(recordings: Sequence[Recording]) -> list[str]:

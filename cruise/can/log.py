@@ -59,6 +59,12 @@ class BrokenLogError(LogError):
         self.reason = reason
 
 
+def check_name(path: str | Path) -> None:
+    """LogError where no log is written under such a name."""
+    if Path(path).suffix != CANDUMP:
+        raise LogError(f"{path}: logs are written as candump logs; let the name end in {CANDUMP}")
+
+
 class LogWriter:
     """A candump log that is being written; a context manager. `frames` counts what it holds."""
 
@@ -70,8 +76,7 @@ class LogWriter:
     @classmethod
     def create(cls, path: str | Path, channel: str = "can0") -> Self:
         """Begin a new log at `path`, over an older one; `channel` is the interface's name in it. Raises LogError."""
-        if Path(path).suffix != CANDUMP:
-            raise LogError(f"{path}: logs are written as candump logs; let the name end in {CANDUMP}")
+        check_name(path)
         try:
             return cls(can.CanutilsLogWriter(path, channel=channel))
         except OSError as error:

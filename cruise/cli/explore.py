@@ -23,9 +23,9 @@ from cruise.cli.reading import (
     tables,
     writable,
 )
-from cruise.grid import SAME_STEP, sensible_step, typical_step
+from cruise.grid import sensible_step, typical_step
 from cruise.identification import explore as analyses
-from cruise.recording import Recording, RecordingError
+from cruise.recording import Recording, RecordingError, too_slow
 
 HEADINGS = {
     "quality": "data quality",
@@ -66,11 +66,9 @@ def _check_rates(read: list[Recording]) -> None:
         if one.stamps_s is None:
             continue
         own_s = sensible_step(one.stamps_s, typical_step(one.stamps_s))
-        if own_s > (1.0 + SAME_STEP) * one.dt_s:
-            raise RecordingError(
-                f"{one.source} is sampled every {own_s:g} s, too slowly for a period of {one.dt_s:g} s: "
-                f"give --period {own_s:g} or more, or record faster"
-            )
+        slow = too_slow(own_s, one.dt_s, "a period")
+        if slow:
+            raise RecordingError(f"{one.source} is {slow}: give --period {own_s:g} or more, or record faster")
 
 
 def _print(found: analyses.Exploration, drawn: Path) -> None:

@@ -8,7 +8,7 @@ import typer
 
 from cruise.can.bus import Bus, PatientBus, open_bus
 from cruise.can.codec import Codec
-from cruise.can.log import CANDUMP, LogError, LogWriter
+from cruise.can.log import LogError, LogWriter, check_name
 from cruise.can.ring import Ring, RingSettings
 from cruise.cli.places import CONFIG
 from cruise.cli.run import Running, say
@@ -32,8 +32,8 @@ def record(
     settings = service_settings.load(config)
     if ring and log.is_file():
         raise LogError(f"{log}: is a file; with --ring give a folder")
-    if not ring and log.suffix != CANDUMP:
-        raise LogError(f"{log}: logs are written as candump logs; let the name end in {CANDUMP}")
+    if not ring:
+        check_name(log)
     if ring:
         _ring(settings, log, RingSettings(size_bytes=int(1e6 * size_mb)), seconds)
         return

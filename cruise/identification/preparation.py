@@ -16,7 +16,7 @@ import numpy as np
 from scipy import signal
 
 from cruise.identification.regressors import SAME_PERIOD, UNCHANGED, FitError, Smooth
-from cruise.recording import Recording, resample
+from cruise.recording import Recording, resample, too_slow
 from cruise.settings import Positive
 from cruise.signals import OUTPUT, PEDALS
 
@@ -53,11 +53,9 @@ def at_period(recordings: Sequence[Recording], period_s: float) -> list[Recordin
     """All recordings on the grid of one period, `driven_alone`. FitError where one is too slow, or no speed changes."""
     prepared = []
     for recording in driven_alone(recordings):
-        if recording.dt_s > 1.001 * period_s:
-            raise FitError(
-                f"{recording.source} is sampled every {recording.dt_s:g} s, too slowly for a model of {period_s:g} s: "
-                f"give --period {recording.dt_s:g} or more, or record faster"
-            )
+        slow = too_slow(recording.dt_s, period_s)
+        if slow:
+            raise FitError(f"{recording.source} is {slow}: give --period {recording.dt_s:g} or more, or record faster")
         same = abs(recording.dt_s - period_s) <= SAME_PERIOD * period_s
         prepared.append(recording if same else resample(recording, period_s))
     speeds = np.concatenate([one.output[np.isfinite(one.output)] for one in prepared])

@@ -6,6 +6,7 @@ A reading counts as stale as soon as it will be at the next tick, so that whoeve
 import math
 from collections import Counter, deque
 from collections.abc import Collection
+from itertools import takewhile
 from typing import Final
 
 from cruise.can.codec import Codec, Decoded
@@ -150,5 +151,5 @@ def _arrive(times_s: deque[float], now_s: float) -> None:
 
 
 def _recent(times_s: deque[float], now_s: float) -> int:
-    """How many of the times lie in the last second."""
-    return sum(now_s - time_s <= COUNT_S for time_s in times_s)
+    """How many of the times lie in the last second: all but the first few."""
+    return len(times_s) - sum(1 for _ in takewhile(lambda time_s: now_s - time_s > COUNT_S, times_s))

@@ -19,7 +19,7 @@ from cruise.can.messages import FAST_MESSAGE
 from cruise.estimation.gate import Gate
 from cruise.identification.least_squares import fit
 from cruise.identification.shapes import ahead_rms_mps
-from cruise.recording import Recording, RecordingError
+from cruise.recording import Recording, RecordingError, too_slow
 from cruise.service.combine_node import MESSAGES
 from cruise.service.cruise_node import CruiseNode
 from cruise.service.recordings import ReadingSettings, frames_of_log, is_log, read_recordings
@@ -30,7 +30,6 @@ from cruise.units import InputUnit
 PAUSE_S: Final = 5.0  # s of silence between two files: longer than any signal stays fresh, so that nothing is joined
 FAR: Final = 0.05  # of a signal's range: what is nearer to it is a sensor's noise or offset at its end
 LEAD_S: Final = 0.01  # s, first frame after the start of its file
-SLOWER: Final = 1.001  # times the model's period: a recording of longer steps has no sample for each of its periods
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,10 +105,11 @@ def replay(
 
 def _check_rate(path: str | Path, table: Recording, period_s: float) -> None:
     """RecordingError where a table has no row for each period of the model: it would teach nothing."""
-    if table.dt_s > SLOWER * period_s:
+    slow = too_slow(table.dt_s, period_s)
+    if slow:
         raise RecordingError(
-            f"{path} is sampled every {table.dt_s:g} s, too slowly for a model of {period_s:g} s: record faster, or "
-            f"give a model of {table.dt_s:g} s or more (--model FILE, from cruise identify --period {table.dt_s:g})"
+            f"{path} is {slow}: record faster, or give a model of {table.dt_s:g} s or more (--model FILE, from cruise "
+            f"identify --period {table.dt_s:g})"
         )
 
 

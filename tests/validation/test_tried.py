@@ -31,20 +31,12 @@ def test_what_few_blocks_hold_needs_more_evidence(grade):
     assert not enough(replace(one, evidence=1e4, sureness=0.9 * rare))
 
 
-@pytest.mark.parametrize("name", sorted(RESISTANCE))
-def test_what_soil_looks_like_needs_more_of_everything_where_it_takes_little(grade, name):
-    one = replace(grade.steps[0].tried[0], name=name, gain=0.4, credit=1.0, sureness=SURE)
-    asks = RESISTS * asked(0.4)
-    assert may_be_soil(replace(one, evidence=0.9 * asks))
-    assert not may_be_soil(replace(one, evidence=1.1 * asks))
-    assert not may_be_soil(replace(one, evidence=0.9 * asks, sureness=ANYHOW))
-    assert not may_be_soil(replace(one, evidence=0.9 * asks, gain=1.01 * FEW))
-    assert not may_be_soil(replace(one, evidence=0.9 * asks, name="grade"))
-
-
-def test_a_load_of_the_engine_that_takes_little_needs_a_share_of_the_evidence_in_any_case(grade):
-    name, share = CARRIED
-    one = replace(grade.steps[0].tried[0], name=name, gain=0.4, credit=1.0, sureness=BEYOND_DOUBT)
+@pytest.mark.parametrize(
+    ("name", "share", "sure"), [*((name, RESISTS, SURE) for name in sorted(RESISTANCE)), (*CARRIED, BEYOND_DOUBT)]
+)
+def test_what_soil_looks_like_needs_evidence_of_its_own_where_it_takes_little(grade, name, share, sure):
+    """Friction needs more than others, the load of the engine a share of it, however sure."""
+    one = replace(grade.steps[0].tried[0], name=name, gain=0.4, credit=1.0, sureness=sure)
     asks = share * asked(0.4)
     assert may_be_soil(replace(one, evidence=0.9 * asks))
     assert not may_be_soil(replace(one, evidence=1.1 * asks))

@@ -18,8 +18,17 @@ from cruise.grid import typical_step
 from cruise.recording import MIN_SAMPLES, Readings, Recording, RecordingError, listed, on_grid
 from cruise.sampling import FloatArray
 from cruise.signals import CONTEXT, INPUT, OUTPUT, SIGNALS
-from cruise.times import from_its_start, gap_notes, last_of_each, rate_notes, rising, rounded_notes, usable_rows
-from cruise.units import FULL_MA, MA_PER_UNIT, UNITS, InputUnit, bracketed, entry, spelt
+from cruise.times import (
+    from_its_start,
+    gap_notes,
+    in_order,
+    last_of_each,
+    rate_notes,
+    rising,
+    rounded_notes,
+    usable_rows,
+)
+from cruise.units import FULL_MA, MA_PER_UNIT, UNITS, InputUnit, apart, bracketed, entry, spelt
 
 TIME: Final = "time_s"
 SOUNDS: Final = re.compile(r"time|(?<![^\W_])(?:ms|us|sec|seconds)(?![^\W_])|^t([\W_]+s)?\W*$", re.IGNORECASE)  # a time
@@ -81,8 +90,9 @@ def tabulated(
     wanted = (time_of(raw, settings, said), settings.input, settings.output)
     time, current, speed = _roles(header, raw, settings, wanted)
     time_s = _scaled(raw[time], settings.columns.get(time) or _by_name(time, "s", said))
-    time_s = from_its_start(time_s, said)
-    keep = usable_rows(source, time, time_s, place, said)
+    order = in_order(time_s, said)
+    raw, time_s = {name: values[order] for name, values in raw.items()}, from_its_start(time_s[order], said)
+    keep = usable_rows(source, time, time_s, lambda row: place(int(order[row])), said)
     said += rounded_notes(time, time_s, raw[speed], keep)
     columns = {name: last_of_each(time_s, values, keep) for name, values in raw.items() if name != time}
     time_s = time_s[keep]
@@ -268,9 +278,13 @@ def _with_sign_noted(read: Recording, current: str, speed: str, settings: Record
 
 
 def column_of(name: str, names: Collection[str], settings: RecordingSettings) -> str:
-    """Return the column that has this name in the file, else the one that the mapping gives it, else the name."""
+    """Return the column that has this name in the file, else the one that the mapping gives it, else the name.
+
+    Of a column with a unit in brackets the name without them is enough, where it is the only one.
+    """
     mapped = (column for column, one in settings.columns.items() if one.signal == name and column in names)
-    return name if name in names else next(mapped, name)
+    bare = [column for column in names if bracketed(column) and apart(column)[0] == name]
+    return name if name in names else next(mapped, bare[0] if len(bare) == 1 else name)
 
 
 def _require(role: str, name: str, where: str, names: Collection[str]) -> None:

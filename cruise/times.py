@@ -48,6 +48,27 @@ def rising(name: str, readings: Readings, notes: list[str]) -> Readings:
     return Readings(time_s[kept], readings.values[kept])
 
 
+def in_order(time_s: FloatArray, notes: list[str]) -> npt.NDArray[np.intp]:
+    """Return the indices of the rows (N,) by time, where they are the newest first, or some a few steps out of order.
+
+    Any others stay as they are: time that goes back further is a clock that was set, or another drive.
+    """
+    rows = np.arange(len(time_s))
+    timed = np.flatnonzero(~np.isnan(time_s))
+    steps = np.diff(time_s[timed])
+    back, forward = -steps[steps < 0.0], steps[steps > 0.0]
+    if not len(back):
+        return rows
+    newest_first = not len(forward)
+    if not newest_first and back.max() > FEW_ROWS * float(np.median(forward)):
+        return rows
+    rows[timed] = timed[::-1] if newest_first else timed[np.argsort(time_s[timed], kind="stable")]
+    notes.append(
+        "the newest row comes first, turned round" if newest_first else f"{len(back)} rows out of order, sorted"
+    )
+    return rows
+
+
 def usable_rows(
     source: str, time: str, time_s: FloatArray, place: Callable[[int], str], notes: list[str]
 ) -> npt.NDArray[np.intp]:
@@ -63,7 +84,7 @@ def usable_rows(
     if np.any(steps < 0.0):
         at = int(np.argmax(steps < 0.0))
         before, after = time_s[timed[at]], time_s[timed[at + 1]]
-        sort = "sort the rows by time; or, if the clock was set, " if _unsorted(steps) else ""
+        sort = "sort the rows by time; or, if the clock was set, " if np.sum(steps < 0.0) > MOST_PARTS else ""
         raise RecordingError(
             f"{place(int(timed[at + 1]))}: time runs backwards, from {before:.10g} s to {after:.10g} s; "
             f"{sort}split the file there: each part is a recording of its own"
@@ -85,13 +106,6 @@ def usable_rows(
     if step_s > (1.0 + SAME_STEP) * SLOW_STEP_S:
         notes.append(f"{time}: one row every {step_s:.4g} s" + (f"; if it is in ms, {in_ms}" if in_ms else ""))
     return kept
-
-
-def _unsorted(steps: FloatArray) -> bool:
-    """Whether rows are out of order, rather than parts of a file: they go back often, or a few rows only."""
-    back = steps[steps < 0.0]
-    forward = steps[steps > 0.0]
-    return len(back) > MOST_PARTS or (len(forward) > 0 and -back.min() <= FEW_ROWS * float(np.median(forward)))
 
 
 def rounded_notes(time: str, time_s: FloatArray, values: FloatArray, kept: npt.NDArray[np.intp]) -> list[str]:

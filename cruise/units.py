@@ -45,6 +45,11 @@ def apart(name: str) -> tuple[str, str]:
     return (before, unit) if before and unit else (name, "")
 
 
+def unit_of(cell: str) -> str:
+    """The unit that a cell is, with or without brackets, if it is a known one; else empty."""
+    return SPELT.get(cell.strip("[]() ").lower(), "")
+
+
 def spelt(name: str, unit: str) -> str:
     """The unit in which a name says that a column is, if one for `unit`, of a time its first word too; else empty."""
     found = apart(name)[1]

@@ -73,9 +73,9 @@ def test_an_index_without_a_name_is_the_time_where_it_holds_times_and_nothing_el
 
 def test_a_parquet_row_is_named_where_time_runs_back(tmp_path):
     frame = table()
-    frame.loc[7, "time_s"] = 0.1
+    frame.loc[67, "time_s"] = 0.1
     frame.to_parquet(tmp_path / "drive.parquet")
-    with pytest.raises(RecordingError, match=r"drive\.parquet, row 8: time runs backwards, from 0\.3 s to 0\.1 s"):
+    with pytest.raises(RecordingError, match=r"drive\.parquet, row 68: time runs backwards, from 3\.3 s to 0\.1 s"):
         read_recording(tmp_path / "drive.parquet", BY_DBC)
     with pytest.raises(RecordingError, match=r"drive\.parquet: no column 'amps' for input; it has time_s, "):
         read_recording(tmp_path / "drive.parquet", ReadingSettings(input="amps"))

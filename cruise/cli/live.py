@@ -80,7 +80,7 @@ def view(status: Status, seconds: float, grade_deg: float) -> Panel:
         ("disturbance", number(status.command.disturbance_mps, "m/s", 3)),
         ("slope", number(grade_deg, "deg", 1)),
         ("gate", Text(str(status.gate), "green" if status.gate == "open" else "yellow")),
-        ("last exit", status.exit_detail or status.exit_condition or "-"),
+        ("last exit", ": ".join(filter(None, (status.exit_condition, status.exit_detail))) or "-"),
         ("refused", status.refused or "-"),
     ]
     for name, value in rows:

@@ -159,7 +159,7 @@ class Engagement:
         self.setpoint_mps = math.nan
         self.exit_reason = ExitReason.NONE
         self.exit_condition = ""
-        self.exit_detail = ""  # which signals contradicted each other, where that was the reason
+        self.exit_detail = ""  # which signals were missing or contradicted each other, where that was the reason
         self.exits = 0  # since the start
         self.refused = ""  # why the last press of a button neither engaged nor began an experiment
         self.refusals = 0  # presses that were refused since the start
@@ -249,6 +249,11 @@ class Engagement:
     def _contradiction(self, now: Situation) -> str:
         return now.contradiction_in_experiment if self.state is State.COMMISSIONING else now.contradiction
 
+    def _detail(self, condition: str, now: Situation) -> str:
+        if condition in ("signals_lost", "drive_signals_lost"):
+            return ", ".join(now.missing)
+        return self._contradiction(now) if condition == "implausible" else ""
+
     def _may_engage(self, now: Situation) -> bool:
         self.refused = against_engaging(now, self.settings, self._wanted_mps(now))
         return not self.refused
@@ -290,7 +295,7 @@ class Engagement:
         if row.source.drives and not row.target.drives:
             self.exits += 1
             self.exit_reason, self.exit_condition = row.reason, row.condition
-            self.exit_detail = self._contradiction(now) if row.condition == "implausible" else ""
+            self.exit_detail = self._detail(row.condition, now)
         if row.target is State.OVERRIDDEN:
             self._act(now)
         if row.target.drives and not row.source.drives:

@@ -64,6 +64,7 @@ class Situation:
     drive_signals_valid: (
         bool  # current, speed, gear, lever and pedals are fresh and measured: an experiment needs these
     )
+    missing: tuple[str, ...]  # which of these are not
     model_ready: bool  # the observer has caught up with the machine
     healthy: bool  # bus and program
     contradiction: str  # which signals can't all be true; empty where they can
@@ -87,7 +88,7 @@ def against_engaging(now: Situation, settings: EngagementSettings, wanted_mps: f
     low, high = settings.speed_min_mps, settings.speed_max_mps
     return _first(
         {
-            "signals are missing": not now.signals_valid,
+            _missing(now): not now.signals_valid,
             "the panel's frames are missing": not now.operator_present,
             "the observer has not caught up yet": not now.model_ready,
             f"signals contradict each other: {now.contradiction}": bool(now.contradiction),
@@ -115,7 +116,7 @@ def against_commissioning(
             "an experiment begins with set, not with resume": not now.set,
             "the experiment has to be asked for before the button": last.requested_experiment
             != now.requested_experiment,
-            "signals are missing": not now.drive_signals_valid,
+            _missing(now): not now.drive_signals_valid,
             "the panel's frames are missing": not now.operator_present,
             f"signals contradict each other: {now.contradiction_in_experiment}": bool(now.contradiction_in_experiment),
             "brake or clutch is pressed": now.brake or now.clutch,
@@ -124,6 +125,10 @@ def against_commissioning(
             "the machine is not near standstill": not abs(now.speed_mps) <= settings.start_speed_max_mps,
         }
     )
+
+
+def _missing(now: Situation) -> str:
+    return f"signals are missing: {', '.join(now.missing)}"
 
 
 def _first(obstacles: Mapping[str, bool]) -> str:

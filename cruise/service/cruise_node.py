@@ -147,13 +147,14 @@ class CruiseNode:
         on_time = self.pace.tick(now_s)
         frame = self._frame(now_s)
         contradiction = self.plausibility.step(self._seen(frame)) if self.plausibility is not None else ""
-        situation = self._situation(now_s)
+        situation, unmeasured = self._situation(now_s), self._unmeasured(frame)
         before = self.engagement.state
         state = self.engagement.step(
             replace(
                 situation,
                 healthy=situation.healthy and on_time,
-                signals_valid=situation.signals_valid and self._measured(frame),
+                signals_valid=situation.signals_valid and not unmeasured,
+                missing=tuple(dict.fromkeys((*situation.missing, *unmeasured))),
                 contradiction=contradiction,
                 contradiction_in_experiment=self.plausibility.in_experiment if self.plausibility is not None else "",
             )
@@ -229,10 +230,10 @@ class CruiseNode:
         signals = {name: means[name] for name in (*CONTEXT, OUTPUT)}
         return Sample(now_s, means[INPUT], means[OUTPUT], signals)
 
-    def _measured(self, frame: Sample) -> bool:
-        """Whether enough of this very frame was measured to steer by, however fresh the newest readings are."""
-        means = {**frame.signals, INPUT: frame.current_ma, OUTPUT: frame.speed_mps}
-        return all(math.isfinite(means[name]) for name in self.needed if name in means)
+    def _unmeasured(self, sample: Sample) -> tuple[str, ...]:
+        """Of what too little was measured over this very sample to steer by, however fresh the newest readings are."""
+        means = {**sample.signals, INPUT: sample.current_ma, OUTPUT: sample.speed_mps}
+        return tuple(name for name in self.needed if name in means and not math.isfinite(means[name]))
 
     def _excite(self, now_s: float) -> float:
         """The current of the experiment, begun here where it has not yet begun."""
@@ -293,6 +294,8 @@ class CruiseNode:
             return self._value(name, now_s) > 0.5
 
         self.missing = tuple(name for name in self.needed if not math.isfinite(self._value(name, now_s)))
+        stale = self.learned.gate is Gate.STALE_SIGNAL
+        unmeasured = self._unmeasured(self.sample) if stale and self.sample is not None else ()
         speeds_mps = [self._value(name, now_s) for name in (OUTPUT, "wheel_speed_mps", RADAR)]
         return Situation(
             time_s=now_s,
@@ -304,7 +307,8 @@ class CruiseNode:
             operator_present=all(math.isfinite(self._value(name, now_s)) for name in _OPERATOR),
             # Newest readings may be fresh where too little of the last period was measured to steer by.
             drive_signals_valid=all(math.isfinite(self._value(name, now_s)) for name in _DRIVE),
-            signals_valid=not self.missing and self.learned.gate is not Gate.STALE_SIGNAL,
+            signals_valid=not self.missing and not stale,
+            missing=tuple(dict.fromkeys((*self.missing, *unmeasured))),
             model_ready=self.controller.state is not None and self.learned.gate is not Gate.WARMING_UP,
             healthy=self.healthy,
             contradiction="",

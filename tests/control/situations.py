@@ -15,6 +15,7 @@ READY = Situation(
     operator_present=True,
     signals_valid=True,
     drive_signals_valid=True,
+    missing=(),
     model_ready=True,
     healthy=True,
     contradiction="",

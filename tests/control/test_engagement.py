@@ -63,7 +63,7 @@ def test_resume_takes_the_last_setpoint_where_no_panel_ever_asks_for_one():
 @pytest.mark.parametrize(
     ("fields", "why"),
     [
-        ({"signals_valid": False}, "signals are missing"),
+        ({"signals_valid": False, "missing": ("gear", "lever_pct")}, "signals are missing: gear, lever_pct"),
         ({"model_ready": False}, "the observer has not caught up yet"),
         ({"contradiction": "a and b"}, "signals contradict each other: a and b"),
         ({"brake": True}, "brake or clutch is pressed"),

@@ -28,7 +28,7 @@ EXITS = {
     "clutch": ({"clutch": True}, State.OVERRIDDEN, ExitReason.OVERRIDE),
     "lever_moved": ({"lever_pct": 45.1}, State.OVERRIDDEN, ExitReason.OVERRIDE),
     "neutral": ({"gear": 0.0}, State.STANDBY, ExitReason.CONTROL_POSITION),
-    "signals_lost": ({"signals_valid": False, "gear": math.nan}, State.STANDBY, ExitReason.FUNCTION_FAULT),
+    "signals_lost": ({"signals_valid": False, "missing": ("gear",)}, State.STANDBY, ExitReason.FUNCTION_FAULT),
     "shifted": ({"gear": 3.0}, State.STANDBY, ExitReason.CONTROL_POSITION),
     "setpoint_lost": ({"requested_mps": math.nan}, State.STANDBY, ExitReason.COMMAND_TIMEOUT),
     "setpoint_invalid": ({"requested_mps": 0.0}, State.STANDBY, ExitReason.COMMAND_INVALID),
@@ -47,6 +47,7 @@ def test_every_exit_of_the_controller_is_tried_below(state):
     ("condition", "words"),
     [
         ("lever_moved", "lever moved (ISO exit reason 3, override)"),
+        ("signals_lost", "signals lost, gear (ISO exit reason 9, function fault)"),
         ("implausible", "implausible, two speeds (ISO exit reason 9, function fault)"),
     ],
 )
@@ -70,7 +71,7 @@ def test_every_exit_acts_in_one_step_says_why_and_does_not_come_back(begin, cond
     held = replace(READY, resume=True, set=True)
     assert engagement.step(replace(held, **fields)) is target
     assert (engagement.exit_condition, engagement.exit_reason) == (condition, reason)
-    assert engagement.exit_detail == fields.get("contradiction", "")
+    assert engagement.exit_detail == fields.get("contradiction", ", ".join(fields.get("missing", ())))
     for k in range(100):  # the cause goes away while both buttons stay down, and then they are let go
         now = replace(held if k < 50 else READY, time_s=0.05 * k)
         assert not engagement.step(now).drives

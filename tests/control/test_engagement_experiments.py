@@ -64,7 +64,11 @@ ENDS = {
     "clutch": ({"clutch": True}, State.OVERRIDDEN, ExitReason.OVERRIDE),
     "lever_moved": ({"lever_pct": 6.0}, State.OVERRIDDEN, ExitReason.OVERRIDE),
     "neutral": ({"gear": 0.0}, State.STANDBY, ExitReason.CONTROL_POSITION),
-    "drive_signals_lost": ({"drive_signals_valid": False, "gear": math.nan}, State.STANDBY, ExitReason.FUNCTION_FAULT),
+    "drive_signals_lost": (
+        {"drive_signals_valid": False, "missing": ("gear",)},
+        State.STANDBY,
+        ExitReason.FUNCTION_FAULT,
+    ),
     "gear_changed": ({"gear": 3.0}, State.STANDBY, ExitReason.CONTROL_POSITION),
     "request_withdrawn": ({"requested_experiment": 0}, State.STANDBY, ExitReason.RELEASED),
     "too_fast": ({"fastest_mps": 2.1}, State.STANDBY, ExitReason.FUNCTION_FAULT),
@@ -84,7 +88,7 @@ def test_every_end_of_an_experiment_acts_in_one_step_says_why_and_does_not_come_
     engagement.step(DRIVEN)
     assert engagement.step(replace(DRIVEN, **fields)) is target
     assert (engagement.exit_condition, engagement.exit_reason) == (condition, reason)
-    assert engagement.exit_detail == fields.get("contradiction_in_experiment", "")
+    assert engagement.exit_detail == fields.get("contradiction_in_experiment", ", ".join(fields.get("missing", ())))
     # The cause goes away, the request and even the button are still held, and the machine has come to rest.
     for situation in (replace(ASKED, **fields), ASKED, DRIVEN, ASKED, ASKED):
         assert engagement.step(situation) is not State.COMMISSIONING
@@ -118,7 +122,7 @@ REFUSALS = [
     ({"requested_experiment": 9}, "no experiment has this number"),
     ({"requested_experiment": 8}, "the experiment is for gear 3"),
     ({"set": False, "resume": True}, "an experiment begins with set, not with resume"),
-    ({"drive_signals_valid": False}, "signals are missing"),
+    ({"drive_signals_valid": False, "missing": ("gear",)}, "signals are missing: gear"),
     ({"brake": True}, "brake or clutch is pressed"),
     ({"clutch": True}, "brake or clutch is pressed"),
     ({"gear": 0.0}, "the experiment is for gear 2"),

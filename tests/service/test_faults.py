@@ -277,6 +277,7 @@ def test_a_hole_in_the_sample_ends_the_drive_before_a_neutral_pump_is_commanded_
     drive.run(END_S)
     left_for_good(drive, ExitReason.FUNCTION_FAULT)
     assert drive.node.engagement.exit_condition == "signals_lost"
+    assert "ground_speed_mps" in drive.node.engagement.exit_detail
 
 
 @pytest.mark.parametrize("crop_power_kw", [300.0, 350.0])

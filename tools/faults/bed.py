@@ -259,12 +259,10 @@ class Bed:
                 self.exit = Exit(now_s, self.died or "time-out of the drive", dict(self.intact_s))
 
     def _why(self) -> str:
-        node, condition = self.node, self.node.engagement.exit_condition
-        if node.engagement.exit_detail:
-            return node.engagement.exit_detail
-        if condition == "signals_lost":
-            return f"lost: {', '.join(node.missing) or 'a hole in the samples'}"
-        return condition.replace("_", " ")
+        engagement = self.node.engagement
+        if engagement.exit_condition == "signals_lost":
+            return f"lost: {engagement.exit_detail}"
+        return engagement.exit_detail or engagement.exit_condition.replace("_", " ")
 
 
 @cache

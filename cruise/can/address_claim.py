@@ -56,6 +56,7 @@ class AddressClaim:
     def begin(self) -> None:
         """Claim it, on a bus that has not heard of it yet."""
         self.claim = Claim.WAITING
+        self.taken_by: int | None = None  # NAME of who has it instead
         self._due_s: float | None = -1.0  # when a claim, or that there is none, is to be sent
         self._usable_s = 0.0
 
@@ -70,8 +71,9 @@ class AddressClaim:
             if int.from_bytes(data[:3], "little") == ADDRESS_CLAIMED:
                 self._answer(frame.timestamp)
         elif pgn == ADDRESS_CLAIMED and frame.arbitration_id & 0xFF == self.address and len(data) == 8:
-            if int.from_bytes(data, "little") <= self.name and self.claim is not Claim.LOST:
-                self.claim = Claim.LOST  # a second one with our very name is no better
+            name = int.from_bytes(data, "little")
+            if name <= self.name and self.claim is not Claim.LOST:
+                self.claim, self.taken_by = Claim.LOST, name  # a second one with our very name is no better
             self._answer(frame.timestamp)
 
     def tick(self, now_s: float) -> list[Frame]:

@@ -91,7 +91,7 @@ class Daemon:
             at_once=again is None and not notifier.listened_to,
         )
         self._health = self.bus.health
-        self._state = self._problem = self._no_bus = ""
+        self._state = self._problem = self._no_bus = self._loss = ""
         self._exits = self._refusals = 0
         self._decision: Decision | None = None
         self._refused, self._refused_s, self._full = 0, -math.inf, False  # frames for which the bus had no room
@@ -134,6 +134,9 @@ class Daemon:
         if self.bus.health is not self._health:
             self.say(f"bus {self.settings.can.channel}: {self._health} -> {self.bus.health}")
             self._health = self.bus.health
+        if self.station.loss != self._loss:
+            self._loss = self.station.loss
+            self.say(self._loss or "the address is our own again")
         self._look_at_the_queue(now_s)
         if self.bus.problem != self._no_bus:
             self._no_bus = self.bus.problem

@@ -33,6 +33,22 @@ class Station:
         """Whether another one has it."""
         return self.address is not None and self.address.claim is Claim.LOST
 
+    @property
+    def loss(self) -> str:
+        """Who has our address instead, in words, and what to do; empty where nobody has."""
+        address = self.address
+        if address is None or address.taken_by is None:
+            return ""
+        if address.taken_by == address.name:
+            return (
+                f"address {address.address:#04x} is claimed by another with our very NAME: a second service on this "
+                "bus? stop it, or give each a can.name.identity_number and an address of its own"
+            )
+        return (
+            f"address {address.address:#04x} is lost to NAME {address.taken_by:016X}, smaller than ours, "
+            f"{address.name:016X}; give one of both another address (can.addresses.cruise) and start again"
+        )
+
     def begin(self) -> None:
         """There is a bus, which has heard nothing of us."""
         if self.address is not None:

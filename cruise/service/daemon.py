@@ -10,6 +10,7 @@ import logging
 import math
 import os
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Literal
 
@@ -24,7 +25,7 @@ from cruise.service.chronicle import Chronicle
 from cruise.service.cruise_node import CruiseNode
 from cruise.service.loop import Lateness, serve
 from cruise.service.notify import Notifier
-from cruise.service.persistence import Keeper, Kept, StateFile, fingerprint
+from cruise.service.persistence import Keeper, Kept, StateFile, fingerprint, held
 from cruise.service.realtime import Garbage, lock_memory
 from cruise.service.settings import CruiseSettings
 from cruise.service.station import FILTERS, Station
@@ -77,6 +78,15 @@ class Daemon:
         self.changes: Mapping[str, Any] = {}
         self._reload = reload
         file = self._state_file()
+        with ExitStack() as begun:
+            if file is not None:
+                begun.enter_context(held(file.path.parent))
+            self._begin(file, changes, at_once=again is None and not notifier.listened_to)
+            self._held = begun.pop_all()
+
+    def _begin(self, file: StateFile | None, changes: Mapping[str, Any] | None, at_once: bool) -> None:
+        """Take up what is kept, and open the bus."""
+        settings = self.settings
         stored = file.read().kept if file is not None else None
         self._adopt(changes if changes is not None or stored is None else stored.settings)
         state, keeper = self._kept(file)  # what was learned counts under the settings that it was learned with
@@ -85,11 +95,7 @@ class Daemon:
         self._keeper, self.chronicle = keeper, None
         if keeper is not None and settings.persistence is not None:
             self.chronicle = Chronicle(self.node, settings.persistence, state, keeper)
-        self.bus = PatientBus(
-            settings.can.channel,
-            self._opened,
-            at_once=again is None and not notifier.listened_to,
-        )
+        self.bus = PatientBus(settings.can.channel, self._opened, at_once)
         self._health = self.bus.health
         self._state = self._problem = self._no_bus = self._loss = ""
         self._exits = self._refusals = 0
@@ -127,6 +133,7 @@ class Daemon:
                 self.chronicle.close()
                 if self._keeper is not None and self._keeper.problem:
                     self.say(f"what was learned and counted in this run is lost: {self._keeper.problem}")
+            self._held.close()
 
     def _look_after(self, now_s: float) -> None:
         # Without a bus, or an address on it, nobody hears the node: it lets go, and stays so until the operator acts.

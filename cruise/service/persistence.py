@@ -12,14 +12,18 @@ and is read again where its machine and version are back. With another model, or
 can be learned, what was learned is forgotten; settings, a lower top speed among them, and statistics are the machine's
 and stay.
 
-Sources: rename(2), fsync(2); T. Pillai et al., "All file systems are not created equal", OSDI 2014.
+One service at a time has the folder: two would take turns to undo what the other has learned.
+
+Sources: rename(2), fsync(2), flock(2); T. Pillai et al., "All file systems are not created equal", OSDI 2014.
 """
 
+import fcntl
 import hashlib
 import os
 import queue
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -29,6 +33,7 @@ from urllib.parse import quote
 import msgspec
 
 from cruise.model.model import Model
+from cruise.settings import SettingsError
 
 VERSION: Final = 1
 USUAL_BYTES: Final = 10_000  # a state has a few kB
@@ -100,6 +105,29 @@ def fingerprint(model: Model) -> str:
 
 def _digest(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+@contextmanager
+def held(folder: Path) -> Iterator[None]:
+    """Have `folder` for ourselves. SettingsError where another process has it.
+
+    The lock is on the folder itself: it takes no file, holds on a disk that is read only too, and goes with its process
+    however that ends.
+    """
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise SettingsError(
+                f"persistence.folder: another `cruise run` has {folder}; stop that one, or give this one a folder of "
+                "its own"
+            ) from error
+        except OSError:
+            pass  # a file system without locks keeps nobody out
+        yield
+    finally:
+        os.close(descriptor)
 
 
 class StateFile:

@@ -1,5 +1,7 @@
-"""Two services where one should be: on one bus with one address."""
+"""Two services where one should be: on one bus with one address, and with one folder for what is kept."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -12,10 +14,19 @@ from cruise.cli.places import CONFIG
 from cruise.service import settings as service_settings
 from cruise.service.daemon import Daemon
 from cruise.service.notify import Notifier
-from cruise.service.persistence import PersistenceSettings
+from cruise.service.persistence import PersistenceSettings, held
 from cruise.service.settings import CruiseSettings
+from cruise.settings import SettingsError
 
 OURS = 0x20000E0000000000  # NAME in config/cruise.yaml
+HOLDER = """
+import sys
+from pathlib import Path
+from cruise.service.persistence import held
+with held(Path(sys.argv[1])):
+    print("held", flush=True)
+    sys.stdin.read()
+"""
 
 
 @pytest.fixture
@@ -44,3 +55,34 @@ def test_whose_the_address_is_now_is_said_once(settings: CruiseSettings, name: i
     (line,) = said
     assert line.startswith("address 0x11 is ")
     assert words in line
+
+
+def test_a_folder_that_another_process_has_is_refused_before_the_bus_and_free_when_that_one_has_ended(
+    settings: CruiseSettings, tmp_path: Path
+):
+    (tmp_path / "kept").mkdir()
+    command = [sys.executable, "-c", HOLDER, str(tmp_path / "kept")]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
+        assert other.stdout is not None
+        assert other.stdout.readline() == b"held\n"
+        with pytest.raises(SettingsError, match=r"persistence\.folder: another `cruise run` has .*/kept; stop that"):
+            Daemon(settings, Notifier(""), print)
+        other.kill()
+    run(Daemon(settings, Notifier(""), print), 1)
+
+
+def test_a_run_gives_the_folder_to_the_next_one(settings: CruiseSettings, tmp_path: Path):
+    first = Daemon(settings, Notifier(""), print)
+    with pytest.raises(SettingsError), held(tmp_path / "kept"):
+        pass
+    run(first, 1)
+    run(Daemon(settings, Notifier(""), print), 1)
+
+
+def test_a_start_that_fails_leaves_the_folder_free(settings: CruiseSettings, tmp_path: Path):
+    absent = structs.replace(settings, can=CanSettings(bus="socketcan", channel="never0"))
+    with pytest.raises(SettingsError) as failed:
+        Daemon(absent, Notifier(""), print)
+    assert "persistence.folder" not in str(failed.value)
+    with held(tmp_path / "kept"):
+        pass

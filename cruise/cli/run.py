@@ -2,6 +2,7 @@
 
 import signal
 import sys
+import threading
 from pathlib import Path
 from typing import Annotated
 
@@ -39,17 +40,64 @@ class Running:
         return not (self.stopped or self.reload)
 
 
+class Rereading:
+    """SIGHUP, for a service that drives: the files are read while it drives on, and only good ones end the run.
+
+    To be called with every tick. They are read in a thread: the loop has no time for it.
+    """
+
+    def __init__(self, config: Path, running: Running) -> None:
+        self._config, self._running = config, running
+        self._asked = False
+        self._thread: threading.Thread | None = None
+        self._wrong = ""
+        signal.signal(signal.SIGHUP, self._ask)
+
+    def __call__(self, now_s: float) -> None:
+        """Begin to read, or say what came of it."""
+        thread = self._thread
+        if thread is not None and not thread.is_alive():
+            self._thread = None
+            if self._wrong:
+                say(f"the settings stay as they were: {self._wrong}")
+            else:
+                self._running.again()
+        if self._asked and self._thread is None and not self._running.reload:
+            self._asked = False
+            self._thread = threading.Thread(target=self._read, name="rereading", daemon=True)
+            self._thread.start()
+
+    def _ask(self, number: int, frame: object) -> None:
+        self._asked = True
+
+    def _read(self) -> None:
+        self._wrong = "reading them failed"  # as it stays where something is raised that nobody expects
+        try:
+            CruiseNode.load(service_settings.load(self._config))
+            self._wrong = ""
+        except SettingsError as error:
+            self._wrong = str(error)
+
+
 def run(
     config: Annotated[Path, typer.Argument(help="Settings of the service.")] = CONFIG / "cruise.yaml",
     quiet: Annotated[bool, typer.Option(help="No line of status every 10 s.")] = False,
 ) -> None:
     """Run the cruise control on the bus until it is stopped; the last command is neutral. SIGHUP reads the settings."""
     settings, running, notifier = service_settings.load(config), Running(), Notifier.of()
+    rereading = Rereading(config, running)
     daemon = Daemon(settings, notifier, say, reload=running.again)
     while True:
         can = daemon.settings.can
         print(f"cruise: on {can.bus} {can.channel}, command every {daemon.node.period_s} s", flush=True)
-        daemon.run(running, (lambda now_s: None) if quiet else Lines(daemon.node))
+        lines = None if quiet else Lines(daemon.node)
+
+        def each_tick(now_s: float, lines: Lines | None = lines) -> None:
+            rereading(now_s)
+            if lines is not None:
+                lines(now_s)
+
+        daemon.run(running, each_tick)
         lateness = daemon.lateness
         print(
             f"cruise: stopped, neutral sent; ticks late by p50 {lateness.quantile_ms(0.5):.1f}, "

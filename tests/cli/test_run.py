@@ -1,5 +1,8 @@
 """`cruise run` as a process: signals, what its status says, and settings that change while it runs."""
 
+import os
+import signal
+
 from cruise.cli.places import CONFIG
 from cruise.service import settings as service_settings
 from cruise.service.cruise_node import CruiseNode
@@ -83,6 +86,41 @@ def test_run_reads_its_settings_again_and_keeps_the_old_ones_where_they_are_wron
     assert err.count("neutral sent") == 3
     assert "the settings stay as they were" in err
     assert "misspelt" in err
+
+
+def test_after_a_signal_the_run_goes_on_until_the_settings_are_known_to_be_good(verb, tmp_path, monkeypatch):
+    from cruise.cli import run
+
+    config = tmp_path / "cruise.yaml"
+    text = f"model: {CONFIG / 'factory_model.yaml'}\ndatabase: {CONFIG / 'cruise.dbc'}\ncan: {{bus: virtual}}\n"
+    config.write_text(text)
+    said, signals, calls = [], 0, 0
+    monkeypatch.setattr(run, "say", said.append)
+
+    def goes_on(running) -> bool:
+        nonlocal signals, calls
+        calls += 1
+        assert calls < 1000
+        bad = sum("the settings stay as they were" in line for line in said)
+        if signals < 3 and bad == signals:
+            text_now = [text + "misspelt: 1\n", text.replace("factory", "no"), text + "control: {frame_s: 0.1}\n"]
+            config.write_text(text_now[signals])
+            signals += 1
+            os.kill(os.getpid(), signal.SIGHUP)
+        if running.reload:
+            signals += 1
+        elif signals > 3:
+            running._stop(2, None)
+        return not (running.stopped or running.reload)
+
+    monkeypatch.setattr(run.Running, "__call__", goes_on)
+    code, out, err = verb("run", config, "--quiet")
+    assert code == 0
+    assert [line.split()[-2] for line in out.splitlines() if "command every" in line] == ["0.05", "0.1"]
+    assert err.count("neutral sent") == 2
+    assert "misspelt" in said[0]
+    assert "no_model.yaml" in said[1]
+    assert len(said) == 2
 
 
 def test_run_goes_on_as_before_where_files_or_bus_are_gone_when_it_reads_again(verb, tmp_path, monkeypatch):

@@ -93,7 +93,7 @@ def test_it_starts_neutral_with_what_its_unit_promises(
 @pytest.mark.parametrize(
     ("happens", "within_s", "restarts"),
     [
-        (reload, BY_WORD_WITHIN_S, False),
+        (reload, NEUTRAL_WITHIN_S, False),  # the settings are read before
         (freeze, NEUTRAL_WITHIN_S, True),
         (crash, NEUTRAL_WITHIN_S, True),
         (stop, BY_WORD_WITHIN_S, False),

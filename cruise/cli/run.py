@@ -1,10 +1,11 @@
 """`cruise run`: the service on a bus."""
 
+import errno
 import signal
 import sys
 import threading
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Final, TextIO
 
 import typer
 
@@ -14,6 +15,8 @@ from cruise.service.cruise_node import CruiseNode
 from cruise.service.daemon import Daemon
 from cruise.service.notify import Notifier
 from cruise.settings import SettingsError
+
+_FULL: Final = {errno.ENOSPC, errno.EDQUOT}
 
 
 class Running:
@@ -89,7 +92,7 @@ def run(
     daemon = Daemon(settings, notifier, say, reload=running.again)
     while True:
         can = daemon.settings.can
-        print(f"cruise: on {can.bus} {can.channel}, command every {daemon.node.period_s} s", flush=True)
+        write(f"cruise: on {can.bus} {can.channel}, command every {daemon.node.period_s} s", sys.stdout)
         lines = None if quiet else Lines(daemon.node)
 
         def each_tick(now_s: float, lines: Lines | None = lines) -> None:
@@ -99,10 +102,10 @@ def run(
 
         daemon.run(running, each_tick)
         lateness = daemon.lateness
-        print(
+        write(
             f"cruise: stopped, neutral sent; ticks late by p50 {lateness.quantile_ms(0.5):.1f}, "
             f"p99 {lateness.quantile_ms(0.99):.1f}, max {lateness.worst_ms:.1f} ms; {lateness.missed} left out",
-            file=sys.stderr,
+            sys.stderr,
         )
         if running.stopped or not running.reload:
             break
@@ -118,7 +121,16 @@ def run(
 
 def say(line: str) -> None:
     """Write a line for the log."""
-    print(f"cruise: {line}", file=sys.stderr, flush=True)
+    write(f"cruise: {line}", sys.stderr)
+
+
+def write(line: str, stream: TextIO) -> None:
+    """Write a line. A full disk loses it, and must not end a drive; a stream that nobody reads any more does."""
+    try:
+        print(line, file=stream, flush=True)
+    except OSError as error:
+        if error.errno not in _FULL:
+            raise
 
 
 class Lines:
@@ -144,9 +156,9 @@ class Lines:
         driven = f"  experiment {status.experiment}, {status.experiment_left_s:.0f} s left" if status.experiment else ""
         ended = f"  let go: {engagement.ended_by}" if engagement.ended_by else ""
         refused = f"  refused: {status.refused}" if status.refused else ""
-        print(
+        write(
             f"{now_s:8.1f} s  {status.state}  speed {status.speed_mps:.2f} m/s  setpoint {status.setpoint_mps:.2f} m/s"
             f"  gate {status.gate}  missing: {', '.join(status.missing) or 'nothing'}"
             f"{driven}{ended}{refused}",
-            flush=True,
+            sys.stdout,
         )

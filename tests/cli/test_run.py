@@ -1,7 +1,12 @@
 """`cruise run` as a process: signals, what its status says, and settings that change while it runs."""
 
+import errno
+import io
 import os
 import signal
+import sys
+
+import pytest
 
 from cruise.cli.places import CONFIG
 from cruise.service import settings as service_settings
@@ -47,6 +52,23 @@ def test_the_status_says_why_it_let_go_and_every_refusal(capsys):
         engagement.refused, engagement.refusals = "no gear is engaged", press
         assert "refused: no gear is engaged" in printed(0.2 * press)
         assert printed(0.2 * press + 0.1) == ""
+
+
+def test_a_log_on_a_full_disk_ends_no_drive_and_one_that_nobody_reads_does(monkeypatch):
+    from cruise.cli.run import Lines
+
+    class Broken(io.StringIO):
+        number = errno.ENOSPC
+
+        def write(self, text: str) -> int:
+            raise OSError(self.number, os.strerror(self.number))
+
+    lines = Lines(CruiseNode.load(service_settings.load(CONFIG / "cruise.yaml")))
+    monkeypatch.setattr(sys, "stdout", Broken())
+    lines(0.0)
+    monkeypatch.setattr(Broken, "number", errno.EPIPE)
+    with pytest.raises(BrokenPipeError):
+        lines(20.0)
 
 
 def _while_it_runs(monkeypatch, happens) -> None:

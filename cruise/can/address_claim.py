@@ -13,11 +13,10 @@ from typing import Final
 
 from cruise.can import j1939
 from cruise.can.frame import Frame
+from cruise.can.requests import EVERYBODY, PRIORITY, asked
 from cruise.can.settings import NameSettings
 
-REQUEST, ADDRESS_CLAIMED = 0xEA00, 0xEE00  # PGNs 59904 and 60928
-EVERYBODY: Final = 0xFF
-PRIORITY: Final = 6
+ADDRESS_CLAIMED: Final = 0xEE00  # PGN 60928
 WAIT_S: Final = 0.25  # s after a claim before an address that anybody may take is used
 _AT_ONCE: Final = (*range(128), *range(248, 254))  # addresses that are assigned to one function
 _CANNOT_CLAIM_STEP_S: Final = 0.0006  # s, of the random delay of "cannot claim", 0 to 255 steps
@@ -64,13 +63,13 @@ class AddressClaim:
         """Take any frame in; never raises."""
         if not frame.is_extended_id or frame.is_error_frame or frame.is_remote_frame:
             return
-        pgn, destination = (frame.arbitration_id & _DESTINATION_MASK) >> 8, frame.arbitration_id >> 8 & 0xFF
-        data = bytes(frame.data)
-        ours = destination == self.address and self.claim is not Claim.LOST  # a lost one is the winner's
-        if pgn == REQUEST and (ours or destination == EVERYBODY) and len(data) >= 3:
-            if int.from_bytes(data[:3], "little") == ADDRESS_CLAIMED:
+        request, data = asked(frame), bytes(frame.data)
+        if request is not None and request.pgn == ADDRESS_CLAIMED:
+            ours = request.of == self.address and self.claim is not Claim.LOST  # a lost one is the winner's
+            if ours or request.of == EVERYBODY:
                 self._answer(frame.timestamp)
-        elif pgn == ADDRESS_CLAIMED and frame.arbitration_id & 0xFF == self.address and len(data) == 8:
+        pgn = (frame.arbitration_id & _DESTINATION_MASK) >> 8
+        if pgn == ADDRESS_CLAIMED and frame.arbitration_id & 0xFF == self.address and len(data) == 8:
             name = int.from_bytes(data, "little")
             if name <= self.name and self.claim is not Claim.LOST:
                 self.claim, self.taken_by = Claim.LOST, name  # a second one with our very name is no better

@@ -1,4 +1,6 @@
-"""DM1, the active diagnostic trouble code: the worst one, once a second; a frame without one says that all is well.
+"""DM1, the active diagnostic trouble code: the worst one; a frame without one says that all is well.
+
+It is sent once a second, and at once where the code changes, though not more than once a second for that.
 
     byte 1: lamps, two bits each (malfunction, red stop, amber warning, protect), byte 2: 0xFF (none flashes)
     bytes 3 to 6: SPN 19 bits, FMI 5 bits, conversion method 0, occurrences 7 bits (0x7F: not counted)
@@ -39,13 +41,22 @@ class Diagnostics:
 
     def __init__(self, address: int) -> None:
         self._identifier = j1939.identifier(DM1, PRIORITY, address)
+        self._due_s = self._change_s = 0.0  # when it is sent whatever holds, and when a change is
+        self._told: TroubleCode | None = None
+
+    def ask(self) -> None:
+        """Somebody wants to know now."""
         self._due_s = 0.0
 
     def tick(self, now_s: float, code: TroubleCode | None) -> list[Frame]:
         """Return DM1 where it is due."""
-        if now_s < self._due_s:
+        changes = code != self._told and now_s >= self._change_s
+        if now_s < self._due_s and not changes:
             return []
         self._due_s = now_s + PERIOD_S
+        if changes:
+            self._change_s = now_s + PERIOD_S
+        self._told = code
         lamps, packed = 0, 0
         if code is not None:
             lamps = code.lamps

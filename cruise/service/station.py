@@ -1,11 +1,13 @@
-"""The cruise control as a member of the J1939 bus: it claims its address, says what is wrong, and speaks only while
-the address is its own.
+"""The cruise control as a member of the J1939 bus: it claims its address, says what is wrong, refuses what it is asked
+for and does not have, and speaks only while the address is its own.
 """
 
-from cruise.can.address_claim import ADDRESS_CLAIMED, REQUEST, AddressClaim, Claim, name_of
+from cruise.can.address_claim import ADDRESS_CLAIMED, AddressClaim, Claim, name_of
 from cruise.can.bus import Filter
-from cruise.can.diagnostics import FAULT, SIGNALS_MISSING, Diagnostics, TroubleCode
+from cruise.can.diagnostics import DM1, FAULT, SIGNALS_MISSING, Diagnostics, TroubleCode
 from cruise.can.frame import Frame
+from cruise.can.messages import CONTRACTS
+from cruise.can.requests import EVERYBODY, REQUEST, Requests, asked
 from cruise.can.settings import CanSettings
 from cruise.control.engagement import State
 from cruise.service.cruise_node import CruiseNode
@@ -22,6 +24,7 @@ class Station:
         self.period_s = node.period_s
         self.address = None if address is None else AddressClaim(address, name_of(settings.name))
         self.diagnostics = None if address is None else Diagnostics(address)
+        self.requests = None if address is None else Requests(address, (ADDRESS_CLAIMED, DM1, *_sent(settings)))
 
     @property
     def may_speak(self) -> bool:
@@ -56,8 +59,12 @@ class Station:
 
     def receive(self, frame: Frame) -> list[Frame]:
         """Take one frame in; returns the answer of the CANopen node, which has an address of its own."""
-        if self.address is not None:
+        if self.address is not None and self.diagnostics is not None and self.requests is not None:
             self.address.receive(frame)
+            self.requests.receive(frame)
+            request = asked(frame)
+            if request is not None and request.pgn == DM1 and request.of in (self.address.address, EVERYBODY):
+                self.diagnostics.ask()
         return self.node.receive(frame)
 
     def tick(self, now_s: float) -> list[Frame]:
@@ -69,14 +76,20 @@ class Station:
         return self._said(now_s, self.node.stop(now_s))
 
     def _said(self, now_s: float, frames: list[Frame]) -> list[Frame]:
-        if self.address is None or self.diagnostics is None:
+        if self.address is None or self.diagnostics is None or self.requests is None:
             return frames
-        claim = self.address.tick(now_s)
+        claim, refusals = self.address.tick(now_s), self.requests.tick(now_s)
         if not self.may_speak:  # CANopen has addresses of its own
             return [*claim, *(frame for frame in frames if not frame.is_extended_id)]
-        return [*claim, *frames, *self.diagnostics.tick(now_s, self._trouble())]
+        return [*claim, *frames, *refusals, *self.diagnostics.tick(now_s, self._trouble())]
 
     def _trouble(self) -> TroubleCode | None:
         if self.node.engagement.state is State.FAULT:
             return FAULT
         return SIGNALS_MISSING if self.node.missing else None
+
+
+def _sent(settings: CanSettings) -> list[int]:
+    """The PGNs that we send by ourselves, all the time."""
+    ours = (contract for contract in CONTRACTS if contract.sender == "cruise")
+    return [contract.pgn or getattr(settings.pgns, contract.own or "") for contract in ours]

@@ -1,9 +1,8 @@
-"""The address claim against the rules of J1939-81, by hand-made frames of another controller; DM1 byte by byte."""
+"""The address claim against the rules of J1939-81, by hand-made frames of another controller"""
 
 import pytest
 
 from cruise.can.address_claim import WAIT_S, AddressClaim, Claim, name_of
-from cruise.can.diagnostics import FAULT, Diagnostics
 from cruise.can.frame import Frame
 from cruise.can.settings import NameSettings
 
@@ -107,13 +106,3 @@ def test_other_addresses_and_short_frames_do_not_matter():
     end.receive(Frame(arbitration_id=0x18EEFF11, is_error_frame=True))
     assert end.claim is Claim.HELD
     assert sent(end, 2.0) == []
-
-
-def test_dm1_once_a_second_with_and_without_a_fault():
-    end = Diagnostics(0x11)
-    (well,) = end.tick(0.0, None)
-    assert (well.arbitration_id, well.data.hex()) == (0x18FECA11, "00ff00000000ffff")
-    assert end.tick(0.95, FAULT) == []
-    (fault,) = end.tick(1.0, FAULT)
-    # SPN 520192 = 0x7F000: bytes 00 F0, then its three high bits above FMI 31
-    assert fault.data.hex() == "04ff00f0ff7fffff"

@@ -9,6 +9,7 @@ from typing import Final
 from cruise.can.frame import Frame
 
 HEARTBEAT_ID: Final = 0x700
+LAST_NODE_ID: Final = 127
 HEARTBEAT_CONSUMER: Final = 0x1016
 ROUNDING_S: Final = 1e-6  # s, what sums of periods may be off
 
@@ -22,7 +23,8 @@ class HeartbeatConsumer:
 
     def watch(self, entry: int) -> None:
         """Take the object's value; another node or another time is watched anew."""
-        node_id, time_s = entry >> 16 & 0x7F, 0.001 * (entry & 0xFFFF)
+        node_id, time_s = entry >> 16 & 0xFF, 0.001 * (entry & 0xFFFF)
+        node_id = node_id if node_id <= LAST_NODE_ID else 0  # such an entry is not used
         if (node_id, time_s) != (self.node_id, self.time_s):
             self.node_id, self.time_s, self._heard_s = node_id, time_s, math.nan
 

@@ -22,6 +22,7 @@ import canopen
 import msgspec
 from canopen.objectdictionary import ODVariable
 
+from cruise.can import node_sdo
 from cruise.can.bus import Filter
 from cruise.can.frame import Frame
 from cruise.can.heartbeat import HEARTBEAT_CONSUMER, HEARTBEAT_ID, HeartbeatConsumer
@@ -150,8 +151,9 @@ class CanopenNode:
         if not self._concerns(frame):
             return ()
         self._received_s = frame.timestamp
-        if self._too_much(frame):
-            self._network.send_message(SDO_ANSWER_ID + self._node_id, TOO_MUCH)
+        refusal = self._refusal(frame)
+        if refusal is not None:
+            self._network.send_message(SDO_ANSWER_ID + self._node_id, refusal)
             return ()
         try:
             self._network.notify(frame.arbitration_id, frame.data, frame.timestamp)
@@ -163,12 +165,12 @@ class CanopenNode:
         readings, self._readings = tuple(self._readings), []
         return readings
 
-    def _too_much(self, frame: Frame) -> bool:
-        """Count the segments of a download."""
-        if frame.arbitration_id != SDO_REQUEST_ID + self._node_id or not frame.data:
-            return False
+    def _refusal(self, frame: Frame) -> bytes | None:
+        """Return the answer to an SDO request that the server must not see."""
+        if frame.arbitration_id != SDO_REQUEST_ID + self._node_id:
+            return None
         self._segments = 0 if frame.data[0] >> 5 else self._segments + 1  # 0: a segment of a download
-        return self._segments > MOST_SEGMENTS
+        return TOO_MUCH if self._segments > MOST_SEGMENTS else node_sdo.refusal(self._dictionary, bytes(frame.data))
 
     def tick(self, now_s: float, status: NodeStatus) -> list[Frame]:
         """Return what is to be sent at `now_s`: boot-up, heartbeat, status, answers to what was received."""

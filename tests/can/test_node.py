@@ -170,6 +170,21 @@ def test_the_first_request_may_be_any(command: str):
     assert (0x591, "4b171000f4010000") in sent(end, 0.02), "it goes on answering"
 
 
+def test_a_variable_has_one_subindex_only():
+    end = started()
+    for request in ("4017100100000000", "2b171001c8000000", "2117100102000000", "a017100121040000"):
+        assert answered(end, request) == "8017100111000906"
+    assert answered(end, "4017100000000000") == "4b171000f4010000", "what was refused changed nothing"
+    assert answered(end, "4018100100000000") == "4318100100000000"
+    assert answered(end, "4018100500000000") == "8018100511000906"
+
+
+def test_a_block_upload_is_answered_by_another_only_where_the_client_allows_it():
+    end = started()
+    assert answered(end, "a017100021000000") == "8017100001000405"
+    assert answered(end, "a017100021040000") == "4b171000f4010000", "data of up to 4 bytes"
+
+
 def test_random_requests_and_what_nobody_began_raise_nothing():
     draw, end = random.Random(7), started()
     for k in range(20_000):
@@ -318,6 +333,13 @@ def test_object_1016h_names_the_node_to_watch_and_nobody_is_watched_by_default()
     assert emergencies(end, 10.3) == ["3081110000000000"]
     end.receive(frame(0x611, "2316100100000000", time_s=10.4))
     assert emergencies(end, 10.4) == ["0000000000000000"]
+
+
+def test_an_entry_of_1016h_for_a_node_that_cannot_be_is_not_used():
+    end = started()
+    end.receive(frame(0x611, "23161001" + ((0x80 | PANEL) << 16 | 200).to_bytes(4, "little").hex(), time_s=9.0))
+    end.receive(frame(0x700 + PANEL, "05", time_s=10.0))
+    assert emergencies(end, 12.0) == []
 
 
 def test_what_the_filters_let_pass_is_what_the_node_acts_on():

@@ -289,6 +289,12 @@ class CruiseNode:
         state = self.controller.state
         return state.pace if state is not None else 1.0
 
+    @property
+    def _neutral_requested(self) -> bool:
+        """By CANopen. A fault it does not lead out of: what comes and goes without the operator is no switch of his."""
+        faulty = self.engagement.state is State.FAULT
+        return self.canopen is not None and self.canopen.neutral_requested and not faulty
+
     def _situation(self, now_s: float) -> Situation:
         def on(name: str) -> bool:
             return self._value(name, now_s) > 0.5
@@ -299,7 +305,7 @@ class CruiseNode:
         speeds_mps = [self._value(name, now_s) for name in (OUTPUT, "wheel_speed_mps", RADAR)]
         return Situation(
             time_s=now_s,
-            enable=on("cruise_enable") and not (self.canopen is not None and self.canopen.neutral_requested),
+            enable=on("cruise_enable") and not self._neutral_requested,
             set=on("cruise_set"),
             resume=on("cruise_resume"),
             accelerate=on("cruise_accelerate"),

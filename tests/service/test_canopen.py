@@ -115,6 +115,32 @@ def test_an_sdo_request_is_answered_at_once_by_loop_station_and_node():
         assert [(frame.arbitration_id, frame.data.hex()) for frame in client.drain()] == [(0x591, "4b171000f4010000")]
 
 
+def test_nmt_stop_and_start_lead_out_of_no_fault():
+    settings = service_settings.load(CONFIG / "cruise.yaml")
+    node = CruiseNode.load(settings)
+    panel = Codec.load(settings.database, settings.can)
+
+    def after(command: int | None, enable: float = 1.0) -> State:
+        for k in range(5):
+            now_s = 0.1 * (node.ticks + 1)
+            switches = dict.fromkeys(("cruise_set", "cruise_resume", "cruise_accelerate", "cruise_coast"), 0.0)
+            node.receive(panel.encode("CCVS", switches | {"cruise_enable": enable}, now_s))
+            if command is not None and k == 0:
+                node.receive(Frame(now_s, 0, is_extended_id=False, data=bytes([command, 17])))
+            node.tick(now_s)
+        return node.engagement.state
+
+    assert after(None) is State.STANDBY
+    assert after(2) is State.OFF
+    assert after(1) is State.STANDBY
+    node.engagement.state = State.FAULT
+    assert after(2) is State.FAULT
+    assert after(1) is State.FAULT
+    assert after(2, enable=0.0) is State.OFF, "the operator's own switch"
+    assert after(None) is State.OFF, "as long as the node is stopped"
+    assert after(1) is State.STANDBY
+
+
 STORE, RESTORE, SETTINGS = 0x1010, 0x1011, 0x2F00
 CANNOT_NOW, CANNOT, TOO_LONG, OUT_OF_RANGE = 0x08000022, 0x08000020, 0x06070012, 0x06090030
 SLOWER = b"engagement: {speed_max_mps: 6.0}"

@@ -41,6 +41,15 @@ def test_purge_takes_these_too_and_nothing_else(installed: Path):
     assert left(installed) == {OTHER}
 
 
+def test_nothing_in_an_image_asks_any_more_for_what_is_gone(installed: Path):
+    wants = installed / "etc/systemd/system/multi-user.target.wants"
+    wants.mkdir()
+    for name in ("cruise.service", "other.service"):
+        (wants / name).symlink_to(f"/etc/systemd/system/{name}")  # as `systemctl --root` does
+    uninstall("--root", str(installed))
+    assert [link.name for link in wants.iterdir()] == ["other.service"]
+
+
 @pytest.mark.parametrize("tool", ["install", "uninstall"])
 @pytest.mark.parametrize("words", [["--prefix", "/x"], ["--root"], ["/x"]])
 def test_what_is_not_understood_changes_nothing(tool: str, words: list[str], tmp_path: Path):

@@ -159,7 +159,8 @@ class Engagement:
         self.setpoint_mps = math.nan
         self.exit_reason = ExitReason.NONE
         self.exit_condition = ""
-        self.exit_detail = ""  # which signals were missing or contradicted each other, where that was the reason
+        self.exit_detail = ""  # which signals were missing or contradicted each other, or what ailed bus or program
+        self.ailed = ""  # what ailed them when the last fault began, whoever drove
         self.exits = 0  # since the start
         self.refused = ""  # why the last press of a button neither engaged nor began an experiment
         self.refusals = 0  # presses that were refused since the start
@@ -214,7 +215,7 @@ class Engagement:
         target_mps = self.setpoint_mps
         word_mps = now.requested_mps if self._is_new(now.requested_mps) else target_mps
         return {
-            "unhealthy": not now.healthy,
+            "unhealthy": bool(now.ailment),
             "operator_lost": not now.operator_present,
             "switched_on": now.operator_present and now.enable,
             "switched_off": now.operator_present and not now.enable,
@@ -250,6 +251,8 @@ class Engagement:
         return now.contradiction_in_experiment if self.state is State.COMMISSIONING else now.contradiction
 
     def _detail(self, condition: str, now: Situation) -> str:
+        if condition == "unhealthy":
+            return now.ailment
         if condition in ("signals_lost", "drive_signals_lost"):
             return ", ".join(now.missing)
         return self._contradiction(now) if condition == "implausible" else ""
@@ -296,6 +299,8 @@ class Engagement:
             self.exits += 1
             self.exit_reason, self.exit_condition = row.reason, row.condition
             self.exit_detail = self._detail(row.condition, now)
+        if row.target is State.FAULT:
+            self.ailed = now.ailment
         if row.target is State.OVERRIDDEN:
             self._act(now)
         if row.target.drives and not row.source.drives:

@@ -66,7 +66,7 @@ class Situation:
     )
     missing: tuple[str, ...]  # which of these are not
     model_ready: bool  # the observer has caught up with the machine
-    healthy: bool  # bus and program
+    ailment: str  # what is wrong with bus or program; empty where nothing is
     contradiction: str  # which signals can't all be true; empty where they can
     contradiction_in_experiment: str  # the same by the checks that hold while an experiment drives
     brake: bool

@@ -104,7 +104,7 @@ class CruiseNode:
         self.sample: Sample | None = None
         self.learned = Learned(math.nan, math.nan, Gate.WARMING_UP)
         self.command = NEUTRAL
-        self.healthy = True
+        self.ailment = ""  # of the bus, in words: what whoever runs this knows of it
         self.missing: tuple[str, ...] = self.needed
 
     @classmethod
@@ -152,7 +152,7 @@ class CruiseNode:
         state = self.engagement.step(
             replace(
                 situation,
-                healthy=situation.healthy and on_time,
+                ailment=situation.ailment or ("" if on_time else self.pace.words),
                 signals_valid=situation.signals_valid and not unmeasured,
                 missing=tuple(dict.fromkeys((*situation.missing, *unmeasured))),
                 contradiction=contradiction,
@@ -178,7 +178,7 @@ class CruiseNode:
     def stop(self, now_s: float) -> list[Frame]:
         """The last frames: released, neutral, whatever the law would say. It does not engage after this."""
         self.engagement.step(replace(self._situation(now_s), enable=False))
-        self.healthy = False
+        self.ailment = "stopped"
         self.command = NEUTRAL
         self.commissioning.end(now_s)
         return self._frames(now_s, speed=True)
@@ -316,7 +316,7 @@ class CruiseNode:
             signals_valid=not self.missing and not stale,
             missing=tuple(dict.fromkeys((*self.missing, *unmeasured))),
             model_ready=self.controller.state is not None and self.learned.gate is not Gate.WARMING_UP,
-            healthy=self.healthy,
+            ailment=self.ailment,
             contradiction="",
             contradiction_in_experiment="",
             brake=on("brake_pedal"),

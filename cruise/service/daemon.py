@@ -20,6 +20,7 @@ from cruise import settings as strict
 from cruise.can.bus import Bus, Filter, PatientBus, open_bus
 from cruise.can.error_frames import BusHealth
 from cruise.can.node_texts import NodeTexts
+from cruise.control.engagement import State
 from cruise.estimation.supervision import Decision
 from cruise.service.chronicle import Chronicle
 from cruise.service.cruise_node import CruiseNode
@@ -137,7 +138,8 @@ class Daemon:
 
     def _look_after(self, now_s: float) -> None:
         # Without a bus, or an address on it, nobody hears the node: it lets go, and stays so until the operator acts.
-        self.node.healthy = self.bus.health not in _NO_BUS and not self.station.lost
+        no_bus = f"the bus is {self.bus.health}" if self.bus.health in _NO_BUS else ""
+        self.node.ailment = no_bus or ("the address is lost" if self.station.lost else "")
         if self.bus.health is not self._health:
             self.say(f"bus {self.settings.can.channel}: {self._health} -> {self.bus.health}")
             self._health = self.bus.health
@@ -158,11 +160,13 @@ class Daemon:
         self.notifier.alive(now_s)
 
     def _look_at_the_engagement(self) -> None:
-        """Say once what an operator will ask: why it let go, and why a button did nothing."""
+        """Say once what an operator will ask: why it let go or can't drive, and why a button did nothing."""
         engagement = self.node.engagement
         if engagement.state != self._state:
             self._state = engagement.state
             self.notifier.tell(f"STATUS={self._state}")
+            if self._state is State.FAULT and engagement.exits == self._exits:
+                self.say(f"now fault, while a person drove: {engagement.ailed}")
         if engagement.exits != self._exits:
             self._exits = engagement.exits
             self.say(f"let go, now {engagement.state}: {engagement.ended_by}")

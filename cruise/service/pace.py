@@ -15,20 +15,26 @@ SHARE: Final = 0.1  # half a second at 20 Hz
 
 
 class Pace:
-    """`last_s` and `mean_s` are all its state."""
+    """`last_s`, `mean_s` and `passed_s`, the time between the last two ticks, are all its state."""
 
     def __init__(self, period_s: float) -> None:
         self.period_s = period_s
-        self.last_s = math.nan
+        self.last_s = self.passed_s = math.nan
         self.mean_s = period_s
 
     def tick(self, now_s: float) -> bool:
         """One tick; whether it comes when it may."""
         passed_s, self.last_s = now_s - self.last_s, now_s
+        self.passed_s = passed_s
         if math.isnan(passed_s):
             return True
         self.mean_s += SHARE * (passed_s - self.mean_s)
         return 0.0 < passed_s <= max(PAUSE_S, PERIODS * self.period_s)
+
+    @property
+    def words(self) -> str:
+        """What a tick that did not come when it may says."""
+        return f"no turn for {self.passed_s:.2f} s" if self.passed_s > 0.0 else "the clock ran back"
 
     def restart(self) -> None:
         """Begin anew after a pause of the program's own."""

@@ -78,7 +78,7 @@ def test_resume_takes_the_last_setpoint_where_no_panel_ever_asks_for_one():
         ({"requested_mps": 20.0}, "the setpoint is out of range"),
         ({"operator_present": False}, "the panel's frames are missing"),
         ({"enable": False}, "the main switch is off"),
-        ({"healthy": False}, "after a fault it has to be switched off and on"),
+        ({"ailment": "no bus"}, "after a fault it has to be switched off and on"),
     ],
 )
 def test_it_does_not_engage_and_says_what_is_in_the_way(fields, why):
@@ -92,7 +92,7 @@ def test_it_does_not_engage_and_says_what_is_in_the_way(fields, why):
     [
         ({"brake": True}, "brake, clutch or lever was in use just now"),
         ({"enable": False}, "the main switch is off"),
-        ({"healthy": False}, "after a fault it has to be switched off and on"),
+        ({"ailment": "no bus"}, "after a fault it has to be switched off and on"),
     ],
 )
 def test_a_press_says_what_is_in_the_way_in_every_state(before, why):

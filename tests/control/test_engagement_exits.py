@@ -21,7 +21,7 @@ def test_overspeed_is_more_than_a_hill_adds_and_that_is_more_in_a_fast_gear_not_
 
 
 EXITS = {
-    "unhealthy": ({"healthy": False}, State.FAULT, ExitReason.FUNCTION_FAULT),
+    "unhealthy": ({"ailment": "no bus"}, State.FAULT, ExitReason.FUNCTION_FAULT),
     "operator_lost": ({"operator_present": False}, State.STANDBY, ExitReason.OPERATOR_LOST),
     "switched_off": ({"enable": False}, State.OFF, ExitReason.RELEASED),
     "brake": ({"brake": True}, State.OVERRIDDEN, ExitReason.OVERRIDE),
@@ -47,6 +47,7 @@ def test_every_exit_of_the_controller_is_tried_below(state):
     ("condition", "words"),
     [
         ("lever_moved", "lever moved (ISO exit reason 3, override)"),
+        ("unhealthy", "unhealthy, no bus (ISO exit reason 9, function fault)"),
         ("signals_lost", "signals lost, gear (ISO exit reason 9, function fault)"),
         ("implausible", "implausible, two speeds (ISO exit reason 9, function fault)"),
     ],
@@ -71,7 +72,9 @@ def test_every_exit_acts_in_one_step_says_why_and_does_not_come_back(begin, cond
     held = replace(READY, resume=True, set=True)
     assert engagement.step(replace(held, **fields)) is target
     assert (engagement.exit_condition, engagement.exit_reason) == (condition, reason)
-    assert engagement.exit_detail == fields.get("contradiction", ", ".join(fields.get("missing", ())))
+    assert engagement.exit_detail == fields.get(
+        "contradiction", fields.get("ailment", ", ".join(fields.get("missing", ())))
+    )
     for k in range(100):  # the cause goes away while both buttons stay down, and then they are let go
         now = replace(held if k < 50 else READY, time_s=0.05 * k)
         assert not engagement.step(now).drives
@@ -147,7 +150,7 @@ def test_a_lever_without_a_value_is_not_left_alone():
 
 
 @pytest.mark.parametrize(
-    ("fields", "target"), [({"healthy": False}, State.FAULT), ({"enable": False}, State.OFF), ({}, State.OVERRIDDEN)]
+    ("fields", "target"), [({"ailment": "no bus"}, State.FAULT), ({"enable": False}, State.OFF), ({}, State.OVERRIDDEN)]
 )
 def test_fault_and_switch_count_in_an_override_too(fields, target):
     engagement = engaged()
@@ -165,7 +168,7 @@ def test_every_way_out_of_driving_has_a_reason_and_no_other_way_out_pretends_one
 
 def test_a_fault_is_left_by_switching_off_and_on_only():
     engagement = engaged()
-    engagement.step(replace(READY, healthy=False))
+    engagement.step(replace(READY, ailment="no bus"))
     for situation in (READY, replace(READY, resume=True), READY):
         assert engagement.step(situation) is State.FAULT
     assert engagement.step(replace(READY, enable=False)) is State.OFF

@@ -57,7 +57,7 @@ def test_an_experiment_begins_when_it_is_asked_for_and_then_set_is_pressed():
 
 
 ENDS = {
-    "unhealthy": ({"healthy": False}, State.FAULT, ExitReason.FUNCTION_FAULT),
+    "unhealthy": ({"ailment": "no bus"}, State.FAULT, ExitReason.FUNCTION_FAULT),
     "operator_lost": ({"operator_present": False}, State.STANDBY, ExitReason.OPERATOR_LOST),
     "switched_off": ({"enable": False}, State.OFF, ExitReason.RELEASED),
     "brake": ({"brake": True}, State.OVERRIDDEN, ExitReason.OVERRIDE),
@@ -88,7 +88,9 @@ def test_every_end_of_an_experiment_acts_in_one_step_says_why_and_does_not_come_
     engagement.step(DRIVEN)
     assert engagement.step(replace(DRIVEN, **fields)) is target
     assert (engagement.exit_condition, engagement.exit_reason) == (condition, reason)
-    assert engagement.exit_detail == fields.get("contradiction_in_experiment", ", ".join(fields.get("missing", ())))
+    assert engagement.exit_detail == fields.get(
+        "contradiction_in_experiment", fields.get("ailment", ", ".join(fields.get("missing", ())))
+    )
     # The cause goes away, the request and even the button are still held, and the machine has come to rest.
     for situation in (replace(ASKED, **fields), ASKED, DRIVEN, ASKED, ASKED):
         assert engagement.step(situation) is not State.COMMISSIONING
@@ -146,7 +148,7 @@ def test_an_experiment_does_not_begin_and_it_is_said_what_is_in_the_way(fields, 
     assert engagement.refused == why
 
 
-@pytest.mark.parametrize("fields", [{"enable": False}, {"healthy": False}])
+@pytest.mark.parametrize("fields", [{"enable": False}, {"ailment": "no bus"}])
 def test_an_experiment_does_not_begin_with_the_switch_off_or_a_fault(fields):
     assert operator(ASKED, replace(ASKED, set=True, **fields)).state in (State.OFF, State.FAULT)
 

@@ -457,7 +457,8 @@ def test_without_a_bus_it_lets_go_and_does_not_come_back_by_itself(settings: Cru
     bus = [line for line in lines if line.startswith("bus")]
     assert [line.split(": ")[1] for line in bus] == [f"active -> {health}", f"{health} -> active"]
     assert [line for line in lines if line not in bus] == [
-        "let go, now standby: operator lost (ISO exit reason 1, operator lost)"
+        "let go, now standby: operator lost (ISO exit reason 1, operator lost)",
+        f"now fault, while a person drove: the bus is {health}",
     ]
 
 

@@ -339,7 +339,7 @@ def test_a_paused_process_lets_go_and_stays_let_go():
     whole.node.tick = ticking
     whole.run(10.6)
     assert whole.node.engagement.state is State.FAULT
-    assert whole.node.engagement.exit_reason is ExitReason.FUNCTION_FAULT
+    assert whole.node.engagement.ended_by == "unhealthy, no turn for 0.45 s (ISO exit reason 9, function fault)"
     whole.run(14.0)
     assert not whole.machine.driven_by_cruise
     assert whole.node.command.current_ma == 0.0

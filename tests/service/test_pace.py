@@ -12,12 +12,20 @@ def test_ticks_in_step_are_on_time():
 
 
 @pytest.mark.parametrize(
-    ("passed_s", "on_time"), [(0.149, True), (0.16, False), (3.0, False), (0.0, False), (-2.0, False)]
+    ("passed_s", "on_time", "words"),
+    [
+        (0.149, True, "no turn for 0.15 s"),
+        (0.16, False, "no turn for 0.16 s"),
+        (3.0, False, "no turn for 3.00 s"),
+        (0.0, False, "the clock ran back"),
+        (-2.0, False, "the clock ran back"),
+    ],
 )
-def test_a_pause_and_a_clock_that_runs_back_are_not(passed_s, on_time):
+def test_a_pause_and_a_clock_that_runs_back_are_not(passed_s, on_time, words):
     pace = Pace(0.05)
     pace.tick(10.0)
     assert pace.tick(10.0 + passed_s) is on_time
+    assert pace.words == words
     assert pace.tick(10.0 + passed_s + 0.05) is True
 
 

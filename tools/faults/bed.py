@@ -262,7 +262,8 @@ class Bed:
         engagement = self.node.engagement
         if engagement.exit_condition == "signals_lost":
             return f"lost: {engagement.exit_detail}"
-        return engagement.exit_detail or engagement.exit_condition.replace("_", " ")
+        implausible = engagement.exit_condition == "implausible"
+        return engagement.exit_detail if implausible else engagement.exit_condition.replace("_", " ")
 
 
 @cache

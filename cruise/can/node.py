@@ -22,12 +22,12 @@ import canopen
 import msgspec
 from canopen.objectdictionary import ODVariable
 
-from cruise.can import node_sdo
 from cruise.can.bus import Filter
 from cruise.can.frame import Frame
 from cruise.can.heartbeat import HEARTBEAT_CONSUMER, HEARTBEAT_ID, HeartbeatConsumer
 from cruise.can.node_network import Network, is_due, next_due
-from cruise.can.node_texts import MAX_BYTES, NodeTexts
+from cruise.can.node_sdo import NOTHING_BEGUN, SdoRules
+from cruise.can.node_texts import NodeTexts
 from cruise.settings import SettingsError
 from cruise.signals import SIGNALS, Reading
 
@@ -35,9 +35,6 @@ STANDARD_MASK: Final = 0x7FF
 NMT_ID: Final = 0x000
 SDO_REQUEST_ID: Final = 0x600
 SDO_ANSWER_ID: Final = 0x580
-NOTHING_BEGUN: Final = bytes.fromhex("8000000001000405")  # SDO abort 0504 0001h: command specifier not valid
-TOO_MUCH: Final = bytes.fromhex("8000000005000405")  # SDO abort 0504 0005h: out of memory
-MOST_SEGMENTS: Final = 2 * MAX_BYTES // 7  # of a download; canopen's server collects as many as come
 ERROR_REGISTER: Final = 0x1001
 COMMUNICATION: Final = range(0x1000, 0x2000)  # the profile's objects of communication, CiA 301, table 15
 NMT_COMMANDS: Final = {1, 2, 128, 129, 130}  # start, stop, enter pre-operational, reset node, reset communication
@@ -90,7 +87,7 @@ class CanopenNode:
         self._tpdo = self._node.tpdo[1]
         self._readings: list[Reading] = []
         self._received_s = 0.0
-        self._segments = 0  # of the download that is under way
+        self._sdo = SdoRules(dictionary)
         self._status_due_s = -math.inf
         self._panel = HeartbeatConsumer()
         self._errors: tuple[str, ...] = ()
@@ -151,26 +148,29 @@ class CanopenNode:
         if not self._concerns(frame):
             return ()
         self._received_s = frame.timestamp
-        refusal = self._refusal(frame)
-        if refusal is not None:
-            self._network.send_message(SDO_ANSWER_ID + self._node_id, refusal)
-            return ()
-        try:
+        if frame.arbitration_id == SDO_REQUEST_ID + self._node_id:
+            self._answer(bytes(frame.data), frame.timestamp)
+        else:
             self._network.notify(frame.arbitration_id, frame.data, frame.timestamp)
-        except struct.error:  # canopen's server can't name the object of a transfer that nobody has begun
-            self._network.send_message(SDO_ANSWER_ID + self._node_id, NOTHING_BEGUN)
         if frame.arbitration_id == self._rpdo.cob_id:
             for variable in self._rpdo:
                 self._node.set_data(variable.index, variable.subindex, variable.data)
         readings, self._readings = tuple(self._readings), []
         return readings
 
-    def _refusal(self, frame: Frame) -> bytes | None:
-        """Return the answer to an SDO request that the server must not see."""
-        if frame.arbitration_id != SDO_REQUEST_ID + self._node_id:
-            return None
-        self._segments = 0 if frame.data[0] >> 5 else self._segments + 1  # 0: a segment of a download
-        return TOO_MUCH if self._segments > MOST_SEGMENTS else node_sdo.refusal(self._dictionary, bytes(frame.data))
+    def _answer(self, request: bytes, time_s: float) -> None:
+        """Have an SDO request answered, by the server unless it takes what it must not."""
+        answer, sent = self._sdo.refusal(request), len(self._network.outbox)
+        if answer is None:
+            try:
+                self._network.notify(SDO_REQUEST_ID + self._node_id, bytearray(request), time_s)
+            except struct.error:  # canopen's server can't name the object of a transfer that nobody has begun
+                answer = NOTHING_BEGUN
+        if answer is not None:
+            self._network.send_message(SDO_ANSWER_ID + self._node_id, answer)
+        for identifier, data in self._network.outbox[sent:]:
+            if identifier == SDO_ANSWER_ID + self._node_id:
+                self._sdo.answered(request, data)
 
     def tick(self, now_s: float, status: NodeStatus) -> list[Frame]:
         """Return what is to be sent at `now_s`: boot-up, heartbeat, status, answers to what was received."""

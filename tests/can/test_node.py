@@ -3,6 +3,7 @@
 import math
 import random
 import threading
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -185,6 +186,50 @@ def test_a_block_upload_is_answered_by_another_only_where_the_client_allows_it()
     assert answered(end, "a017100021040000") == "4b171000f4010000", "data of up to 4 bytes"
 
 
+def texts(end: CanopenNode, change: Callable[[str], None]) -> CanopenNode:
+    made = {name: lambda: "control: {frame_s: 0.05}" for name in ("settings", "learned", "statistics")}
+    end.describe(NodeTexts(made, lambda: None, lambda: None, lambda: True, change))
+    return end
+
+
+@pytest.mark.parametrize(
+    "requests",
+    [
+        ["40002f0000000000", "6000000000000000", "1100000000000000"],  # a segment down in the middle of an upload
+        ["40002f0000000000", "7000000000000000", "6000000000000000"],  # the toggle bit was wrong, which ends it
+        ["40002f0000000000", "8000000000000405", "6000000000000000"],  # the client has ended it
+        ["21002f0007000000", "0161616161616161", "1161616161616161"],  # it had its end
+        ["21002f0007000000", "6000000000000000"],
+    ],
+)
+def test_a_segment_of_no_transfer_is_refused(requests: list[str]):
+    changes: list[str] = []
+    end = texts(started(), changes.append)
+    for request in requests[:-1]:
+        end.receive(frame(0x611, request, time_s=1.0))
+        end.answers()
+    changes.clear()
+    assert answered(end, requests[-1]) == "8000000001000405"
+    assert changes == []
+
+
+@pytest.mark.parametrize(
+    ("last", "answer"),
+    [
+        ("1361616161616100", "3000000000000000"),  # 7 and 6 bytes
+        ("1561616161610000", "80002f0013000706"),
+        ("1161616161616161", "80002f0012000706"),
+    ],
+)
+def test_a_download_has_to_have_the_bytes_that_were_announced(last: str, answer: str):
+    changes: list[str] = []
+    end = texts(started(), changes.append)
+    assert answered(end, "21002f000d000000") == "60002f0000000000", "13 bytes"
+    assert answered(end, "0061616161616161") == "2000000000000000"
+    assert answered(end, last) == answer
+    assert changes == (["a" * 13] if answer[0] == "3" else [])
+
+
 def test_random_requests_and_what_nobody_began_raise_nothing():
     draw, end = random.Random(7), started()
     for k in range(20_000):
@@ -198,8 +243,9 @@ def test_a_download_without_an_end_is_cut_off():
     toggled = [f"{0x10 * (k % 2):02x}20202020202020" for k in range(1000)]
     answers = [answered(end, one) for one in toggled]
     assert answers[0].startswith("20"), "collected"
-    assert answers[-1] == "8000000005000405", "out of memory"
-    assert sum(len(one) // 2 for one in toggled[: answers.index(answers[-1])]) < 10_000
+    end_at = answers.index("8000000005000405")  # out of memory
+    assert sum(len(one) // 2 for one in toggled[:end_at]) < 10_000
+    assert set(answers[end_at + 1 :]) == {"8000000001000405"}, "that was the end of it"
     assert answered(end, "4017100000000000") == "4b171000f4010000", "it goes on answering"
     assert answered(end, "21002f0000000000") == "60002f0000000000", "and another one may begin"
     assert answered(end, toggled[0]).startswith("20")

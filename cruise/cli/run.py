@@ -85,9 +85,14 @@ class Rereading:
 def run(
     config: Annotated[Path, typer.Argument(help="Settings of the service.")] = CONFIG / "cruise.yaml",
     quiet: Annotated[bool, typer.Option(help="No line of status every 10 s.")] = False,
+    check: Annotated[bool, typer.Option("--check", help="Read settings, model and database only, and say so.")] = False,
 ) -> None:
     """Run the cruise control on the bus until it is stopped; the last command is neutral. SIGHUP reads the settings."""
-    settings, running, notifier = service_settings.load(config), Running(), Notifier.of()
+    settings = service_settings.load(config)
+    if check:
+        write(f"{config}: {in_words(CruiseNode.load(settings))}", sys.stdout)
+        return
+    running, notifier = Running(), Notifier.of()
     rereading = Rereading(config, running)
     daemon = Daemon(settings, notifier, say, reload=running.again)
     while True:
@@ -117,6 +122,21 @@ def run(
             say(f"the settings stay as they were: {error}")
             daemon = Daemon(daemon.of_file, notifier, say, daemon.changes, running.again, again=daemon)
     notifier.tell("STOPPING=1")
+
+
+def in_words(node: CruiseNode) -> str:
+    """What a service with these settings would do."""
+    can, folder = node.settings.can, node.settings.persistence
+    experiments = node.engagement.experiments
+    return ", ".join(
+        [
+            f"good: drives on {can.bus} {can.channel} with a command every {node.period_s:g} s",
+            f"by {node.settings.model}",
+            f"needs {', '.join(node.needed)}",
+            f"keeps what it learns in {folder.folder}" if folder is not None else "keeps nothing of what it learns",
+            f"experiments {', '.join(one.name for one in experiments.values())}" if experiments else "no experiments",
+        ]
+    )
 
 
 def say(line: str) -> None:

@@ -32,6 +32,23 @@ def test_run_stops_with_neutral_on_a_signal(verb, tmp_path, monkeypatch):
     assert len(sent) > 10
 
 
+def test_settings_are_checked_without_a_bus(verb, tmp_path, monkeypatch):
+    from cruise.cli import run
+
+    def opened(*asked: object) -> None:
+        raise AssertionError("no bus is to be opened")
+
+    monkeypatch.setattr(run, "Daemon", opened)
+    code, out, _ = verb("run", CONFIG / "cruise.yaml", "--check")
+    assert code == 0
+    assert f"{CONFIG / 'cruise.yaml'}: good: drives on socketcan can0 with a command every 0.05 s" in out
+    assert f"by {CONFIG / 'factory_model.yaml'}" in out
+    (tmp_path / "cruise.yaml").write_text((CONFIG / "cruise.yaml").read_text())
+    code, _, err = verb("run", tmp_path / "cruise.yaml", "--check")
+    assert code != 0
+    assert "cruise.eds: cannot be read" in err
+
+
 def test_the_status_says_why_it_let_go_and_every_refusal(capsys):
     from cruise.cli.run import Lines
     from cruise.control.engagement import ExitReason, State

@@ -207,12 +207,16 @@ table.figures td:last-child, table.figures th:last-child { padding-right: 0; }
   font: inherit; cursor: pointer; display: block; }
 .row-button:hover { background: color-mix(in srgb, var(--ink) 5%, transparent); }
 .row-button.here { background: color-mix(in srgb, var(--accent) 12%, transparent); }
-:focus-visible { outline: 2px solid var(--accent) !important; outline-offset: 2px; }
+:focus-visible { outline: 2px solid var(--accent); outline-offset: 2px; }
+/* Quasar's own important rules give way only to those of an earlier layer. */
+@layer overrides {
+  .q-btn:focus-visible, .q-toggle:focus-visible { outline: 2px solid var(--accent) !important; }
+  body.body--dark .q-btn.bg-primary { color: var(--page) !important; }
+}
 .q-btn { text-transform: none; font-weight: 500; letter-spacing: 0; }
 .q-btn .q-icon { font-size: 18px; } .q-btn .on-left { margin-right: 8px; }
 .q-btn .q-focus-helper { display: none; }
-.q-btn.bg-primary { background: var(--accent) !important; } body.body--dark .q-btn.bg-primary { color: #0b1116
-  !important; }
+.q-btn.bg-primary { background: var(--accent) !important; }
 .q-field { max-width: 100%; }
 .q-field--outlined .q-field__control { border-radius: 6px; } .q-field__native, .q-field__input { font-size: 14px; }
 .q-tooltip { font-size: 12.5px; line-height: 1.45; max-width: 340px; background: #22272c; padding: 8px 11px; }

@@ -1,0 +1,52 @@
+"""What is seen of the page by whoever uses the keyboard or a screen reader, and by night."""
+
+from tests.workbench.test_walk import go, idle, open_example
+
+CONTRAST = 4.5  # of a text with what is behind it (WCAG 2.2, 1.4.3)
+FAINT_BUTTONS = """(least) => {
+  const paint = document.createElement("canvas").getContext("2d")
+  const light = color => {
+    paint.fillStyle = color; paint.fillRect(0, 0, 1, 1)
+    const [r, g, b] = [...paint.getImageData(0, 0, 1, 1).data].map(v => v / 255)
+      .map(v => v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4)
+    return 0.2126 * r + 0.7152 * g + 0.0722 * b + 0.05
+  }
+  return [...document.querySelectorAll(".q-btn.bg-primary")].filter(one => one.checkVisibility()).map(one => {
+    const style = getComputedStyle(one), text = light(style.color), behind = light(style.backgroundColor)
+    return [one.innerText, Math.max(text, behind) / Math.min(text, behind)]
+  }).filter(([, contrast]) => contrast < least)
+}"""
+FOCUS = """() => {
+  const one = document.activeElement, style = getComputedStyle(one), field = one.closest(".q-field--focused")
+  const seen = field !== null || (style.outlineStyle !== "none" && parseFloat(style.outlineWidth) > 0)
+  return [(one.getAttribute("aria-label") || one.innerText || one.tagName).slice(0, 40), one.tagName, seen]
+}"""
+
+
+def test_the_buttons_can_be_read_by_day_and_by_night(visit):
+    page = visit()
+    open_example(page, "nothing-hidden")
+    idle(page)
+    for other in ("light", "dark"):  # what the button that turns the page around says then
+        for name in ("Open", "What is missing", "Take away", "Live"):
+            go(page, name)
+            page.locator("nav [aria-current=page]", has_text=name).wait_for()
+            page.locator(".q-btn.bg-primary").first.wait_for()
+            assert page.evaluate(FAINT_BUTTONS, CONTRAST) == [], name
+        page.locator("nav").get_by_role("button").last.click()
+        page.locator("nav").get_by_role("button", name=other).wait_for()
+
+
+def test_it_is_seen_where_the_keyboard_is(visit):
+    page = visit()
+    open_example(page, "nothing-hidden")
+    idle(page)
+    unseen, buttons = [], 0
+    for _ in range(24):
+        page.keyboard.press("Tab")
+        name, tag, seen = page.evaluate(FOCUS)
+        buttons += tag == "BUTTON"
+        if not seen and tag != "BODY":
+            unseen.append(name)
+    assert unseen == []
+    assert buttons > 4

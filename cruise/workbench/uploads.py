@@ -1,4 +1,4 @@
-"""Files that a browser sends: kept under a plain name in the folder of the session, and nowhere else."""
+"""Files that a browser sends: kept under their own names in the folder of the session, and nowhere else."""
 
 import re
 import tempfile
@@ -11,13 +11,14 @@ from cruise.service.recordings import LOGS, MEASUREMENT, TABLES
 
 DATABASE = ".dbc"  # what the frames of a log mean
 ENDINGS = (*TABLES, MEASUREMENT, *LOGS, *(f"{ending}.gz" for ending in LOGS), DATABASE)
-LONGEST = 120  # characters of a name
+LONGEST = 240  # bytes of a name: no file system takes more than 255
 
 
 def plain(name: str) -> str:
-    """The name of a file without any folder, in characters that mean nothing to a shell or a file system."""
+    """The name of a file without any folder, as its owner knows it but for what some file system does not take."""
     last = name.replace("\\", "/").rpartition("/")[2]
-    return re.sub(r"[^A-Za-z0-9._-]", "_", last).lstrip(".")[-LONGEST:] or "recording"
+    bare = re.sub(r'[\x00-\x1f\x7f<>:"|?*]', "_", last).lstrip(".")
+    return bare.encode(errors="replace")[-LONGEST:].decode(errors="ignore") or "recording"
 
 
 async def kept(files: Sequence[FileUpload], folder: Path) -> list[Path | None]:

@@ -194,7 +194,9 @@ def test_mistakes_of_the_user_are_said_and_bugs_are_shown():
     ("name", "bare"),
     [
         ("../../etc/passwd.csv", "passwd.csv"),
-        ("C:\\temp\\drive one.csv", "drive_one.csv"),
+        ("C:\\temp\\drive one.csv", "drive one.csv"),
+        ("Fahrt über Bö\u0308den (2).csv", "Fahrt über Bö\u0308den (2).csv"),
+        ("a:b\n|c?.csv", "a_b__c_.csv"),
         ("..", "recording"),
         (".hidden.csv", "hidden.csv"),
         ("/", "recording"),
@@ -203,6 +205,12 @@ def test_mistakes_of_the_user_are_said_and_bugs_are_shown():
 def test_an_upload_never_leaves_its_folder(name, bare):
     assert plain(name) == bare
     assert "/" not in plain(name)
+
+
+def test_a_long_name_keeps_its_ending_and_fits_a_file_system():
+    name = plain("ü" * 300 + ".csv")
+    assert name.endswith("ü.csv")
+    assert len(name.encode()) < 255
 
 
 def test_files_that_are_sent_together_stay_apart():

@@ -28,6 +28,14 @@ SEARCH: Final = "Looking for what is missing"
 HERE: Final = (
     (re.compile(r"; choose with [^;]* in the file of --columns"), "; say below what the columns mean"),
     (re.compile(r"take it out with cruise ladder --undo"), "take it out with Undo"),
+    (re.compile(r"give the DBC file with --database"), "drop the log together with its DBC file"),
+    (
+        re.compile(r"give the machine's own database with --database, .* in --columns"),
+        "drop the log together with the machine's own DBC file",
+    ),
+    (re.compile(r"choose (\S+ columns? with )?--(in|out)put( and --output)?"), "change what the columns mean"),
+    (re.compile(r"give --period \S+ or more, or record faster"), "record faster"),
+    (re.compile(r"choose a shorter period"), "record for longer"),
 )
 """What the command line advises, and what does it on the page."""
 
@@ -102,6 +110,11 @@ class Session:
         """Read recordings and compare the first model with them."""
         self.searching = False
         self._start(f"Opening {source.title}", verbs.opened, (source,), self._opened, self._ask)
+
+    @property
+    def uploads(self) -> Path:
+        """Where files that were sent are kept, each time in a folder of their own."""
+        return self.folder / "uploads"
 
     def ask_columns(self) -> None:
         """Have it said again what the columns of the recording mean."""
@@ -244,7 +257,7 @@ class Session:
         self.job = None
         self.version += 1
         if job.fault:
-            self.fault = "" if job.cancelled else _said_here(job.fault)
+            self.fault = "" if job.cancelled else _said_here(self._named(job.fault))
             self.searching = False
             return
         self.fault = ""
@@ -267,8 +280,13 @@ class Session:
     def _ask(self, found: Asked) -> None:
         self.asked = found
 
+    def _named(self, text: str) -> str:
+        """The text with the files that were sent under their names alone: nobody knows the folders of the page."""
+        return re.sub(f"{re.escape(str(self.uploads))}/[^/]+/", "", text)
+
     def _opened(self, found: Opened) -> None:
-        self.opened, self.fresh = found, True
+        known = (replace(one, source=self._named(one.source)) for one in found.recordings)
+        self.opened, self.fresh = replace(found, recordings=tuple(known)), True
         self.recording, self.window = 0, None
         names = [name for name in found.recordings[0].context() if moves(found, name)]
         self.context = [name for name in names if name == "pitch_deg"] or names[:1]

@@ -3,6 +3,7 @@
 import re
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -122,6 +123,45 @@ def test_a_refusal_names_what_helps_on_the_page(session, tmp_path):
     assert session.asked is not None
     assert "it has Time [s], I_pump [mA], v [km/h]; say below what the columns mean" in fault
     assert "--" not in fault
+
+
+def sent(session, name: str, text: str) -> Path:
+    """A file as the page keeps what was dropped on it."""
+    path = session.uploads / "once" / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "remedy"),
+    [
+        ("drive.log", "(1600000000.0) can0 100#0011\n", "drop the log together with the machine's own DBC file"),
+        ("short.csv", "".join(f"{0.05 * k:.2f},{k},{k}\n" for k in range(30)), "record for longer"),
+        ("still.csv", "".join(f"{0.05 * k:.2f},{k % 70},0\n" for k in range(900)), "or change what the columns mean"),
+    ],
+)
+def test_no_refusal_advises_an_option_of_the_command_line(session, name, text, remedy):
+    head = "time_s,pump_current_ma,ground_speed_mps\n" if name.endswith(".csv") else ""
+    path = sent(session, name, head + text)
+    session.open(Source((path,), structs.replace(ReadingSettings(), database=str(CONFIG / "cruise.dbc")), name))
+    ended(session)
+    fault = ended(session).fault if session.busy else session.fault
+    assert remedy in fault
+    assert not re.search(r"--[a-z]|period", fault)
+
+
+def test_a_file_that_was_sent_goes_by_its_name(session):
+    path = sent(session, "Fahrt über Land (2).csv", "time_s,pump_current_ma,ground_speed_mps\n0,1,2\n")
+    session.open(Source((path,), ReadingSettings(), path.name))
+    assert ended(session).fault.startswith("Fahrt über Land (2).csv: 1 usable rows")
+    path = sent(session, path.name, "time_s,pump_current_ma,ground_speed_mps\n" + "".join(
+        f"{0.05 * k:.2f},{500 + 9 * (k // 40 % 7)},{k // 40 % 7}\n" for k in range(900)
+    ))  # fmt: skip
+    session.open(Source((path,), ReadingSettings(), path.name))
+    ended(session)
+    assert session.opened.recordings[0].source == path.name
+    assert f"cruise compare '{path.name}'" in commands.lines(session)[0]
 
 
 def test_only_what_a_service_was_watched_for_is_looked_for_unasked(session, tmp_path, monkeypatch):

@@ -45,7 +45,7 @@ def _upload(page: Page) -> None:
     setup, session = page.setup, page.session
 
     async def uploaded(event: events.MultiUploadEventArguments) -> None:
-        paths = await kept(event.files, session.folder / "uploads")
+        paths = await kept(event.files, session.uploads)
         refused = [file.name for file, path in zip(event.files, paths, strict=True) if path is None]
         if refused:
             session.fault = f"{', '.join(refused)}: recordings end in {' '.join(ENDINGS)}"

@@ -64,6 +64,7 @@ class Session:
     setup: Setup
     folder: Path = field(default_factory=lambda: Path(tempfile.mkdtemp(prefix="cruise-workbench-")))
     opened: Opened | None = None
+    refused: Question | None = None  # the last, to be asked better
     steps: list[Step] = field(default_factory=list)
     at: int = 0
     job: Job | None = None
@@ -150,12 +151,12 @@ class Session:
         try:
             verbs.meant(question)
         except verbs.EXPECTED as error:
-            self.fault = str(error)
+            self.fault, self.refused = str(error), question
             return
         self._begin(question, name)
 
     def _begin(self, question: Question, name: str) -> None:
-        self.steps = [Step(name or Path(question.model).name, question)]
+        self.steps, self.refused = [Step(name or Path(question.model).name, question)], None
         self.at, self.cell, self.other = 0, None, None
         self.compare()
 

@@ -96,6 +96,28 @@ def test_from_a_recording_to_a_better_model(visit, cache, tmp_path, verb):
     page.get_by_text("m/s RMS ahead, set by hand").wait_for()
 
 
+def test_a_model_that_is_typed_is_meant_without_enter_and_stays_where_it_is_refused(visit):
+    page = visit()
+    open_example(page, "nothing-hidden")
+    idle(page)
+    go(page, "Open")
+    for typed, said in (("arx:na=1,nb=", "arx:na=1,nb="), ("oe1", "")):
+        model = page.get_by_label("Name, or structure written out")
+        model.click()
+        page.get_by_role("option").first.wait_for()
+        model.fill("")
+        model.press_sequentially(typed)
+        page.keyboard.press("Tab")
+        page.get_by_role("button", name="Compare with this model").click()
+        if said:
+            assert said in page.get_by_role("alert").inner_text()
+            assert page.get_by_label("Name, or structure written out").input_value() == typed
+            page.wait_for_timeout(1000)  # the view is shown anew
+    idle(page)
+    go(page, "Add")
+    page.locator(".row-button.here", has_text="oe1").wait_for()
+
+
 def test_a_file_that_is_none_is_refused_with_the_reason(visit, tmp_path):
     page = visit()
     broken = tmp_path / "broken.csv"

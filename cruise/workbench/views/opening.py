@@ -9,7 +9,7 @@ from nicegui import events, ui
 from cruise.identification.structures import PRESETS
 from cruise.signals import INPUT, OUTPUT, SIGNALS
 from cruise.workbench.examples import EXAMPLES, Example
-from cruise.workbench.found import Opened, Source
+from cruise.workbench.found import Opened, Question, Source
 from cruise.workbench.page import Page
 from cruise.workbench.parts import card, heading
 from cruise.workbench.session import MODEL
@@ -94,12 +94,34 @@ def _example(page: Page, example: Example) -> None:
 
 def _model(page: Page) -> None:
     session = page.session
-    question = session.steps[0].question if session.steps else None
+    question = session.refused or (session.steps[0].question if session.steps else Question(MODEL))
+    typed = ""
+
+    def typing(event: events.GenericEventArguments) -> None:
+        nonlocal typed
+        typed = str(event.args or "").strip()
+
+    def pasting(event: events.GenericEventArguments) -> None:
+        """As it is left, the field takes back what nobody confirmed, and says so as if that was put in."""
+        if event.args != model.value:
+            typing(event)
+
+    def chosen() -> None:
+        nonlocal typed
+        typed = ""
+
+    def left() -> None:
+        """What was typed is meant, though nobody pressed Enter."""
+        nonlocal typed
+        said, typed = typed, ""
+        if said and said != model.value:
+            model.set_options(sorted({*model.options, said}), value=said)
+
     with ui.row().classes("items-end gap-4 w-full"):
         model = (
             ui.select(
-                sorted({*FIRST, question.model if question else MODEL}, key=lambda one: (one != MODEL, one)),
-                value=question.model if question else MODEL,
+                sorted({*FIRST, question.model}, key=lambda one: (one != MODEL, one)),
+                value=question.model,
                 label="Name, or structure written out",
                 with_input=True,
                 new_value_mode="add-unique",
@@ -107,13 +129,16 @@ def _model(page: Page) -> None:
             .props("outlined dense")
             .style("width:340px")
         )
+        model.on("keyup", typing, js_handler="(event) => emit(event.target.value)")
+        model.on("input-value", pasting).on("blur", left).on_value_change(chosen)
         horizon = (
-            ui.number("Judged ahead (s)", value=question.horizon_s if question else 3.0, min=0.2, max=60, step=0.5)
+            ui.number("Judged ahead (s)", value=question.horizon_s, min=0.2, max=60, step=0.5)
             .props("outlined dense")
             .style("width:150px")
         )
 
         def again() -> None:
+            left()  # the field says so only once its list is closed
             if session.steps:
                 session.ask(
                     replace(
@@ -149,7 +174,7 @@ def _opened(page: Page, opened: Opened) -> None:
                     )
                     for text in cells:
                         with ui.element("td"):
-                            ui.label(text)
+                            ui.label(text).style("overflow-wrap:anywhere")
         first = opened.recordings[0]
         with ui.row().classes("gap-2"):
             for name in first.columns:

@@ -90,7 +90,7 @@ class Workbench:
         dark = ui.dark_mode(value=session.dark)
         with ui.element("div").classes("frame"):
             rail = ui.element("nav").classes("rail").props('aria-label="steps"')
-            with ui.element("main").classes("main"):
+            with ui.element("div").classes("main"):  # in the main of the page's frame
                 faults = ui.column().classes("w-full gap-0")
                 views = ui.sub_pages({view.path: (lambda view=view: view.show(page)) for view in VIEWS})
         ui.plotly({"data": [], "layout": {}, "config": {"responsive": False, "displayModeBar": False}}).style(
@@ -230,6 +230,7 @@ def serve(workbench: Workbench, host: str, port: int, token: str, show: bool) ->
         show_welcome_message=False,
         reconnect_timeout=30.0,
         dark=None,
+        language="en-US",
         tailwind=False,  # its script watches every change of the page, and costs a tenth of each zoom
     )
 

@@ -50,3 +50,9 @@ def test_it_is_seen_where_the_keyboard_is(visit):
             unseen.append(name)
     assert unseen == []
     assert buttons > 4
+
+
+def test_a_screen_reader_is_told_the_language_and_the_one_main_part(visit):
+    page = visit()
+    assert page.evaluate("document.documentElement.lang") == "en-US"
+    assert page.get_by_role("main").count() == 1

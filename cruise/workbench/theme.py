@@ -151,8 +151,10 @@ p { margin: 0; }
   !important;
   text-decoration: none !important; border-left: 0; }
 .step .nr { color: var(--muted); width: 14px; font-variant-numeric: tabular-nums; font-size: 12.5px; }
+.step > span { min-width: 0; overflow-wrap: anywhere; }
 .step .sub { color: var(--muted); font-size: 12px; line-height: 1.35; display: block; }
-.step:hover { background: color-mix(in srgb, var(--ink) 5%, transparent); }
+.card .subtitle { overflow-wrap: anywhere; }
+.step:hover { opacity: 1; background: color-mix(in srgb, var(--ink) 5%, transparent); }
 .step.here { background: color-mix(in srgb, var(--accent) 12%, transparent); }
 .step.here .nr, .step.here .name { color: var(--accent); font-weight: 500; }
 .main { flex: 1; min-width: 0; padding: 26px 32px 96px; display: flex; flex-direction: column; gap: 20px;
@@ -228,6 +230,8 @@ table.figures td:last-child, table.figures th:last-child { padding-right: 0; }
 .js-plotly-plot .plotly .cursor-crosshair { cursor: crosshair; }
 a { color: var(--accent); }
 @media (max-width: 900px) {
+  table.figures th, table.figures td { padding-left: 6px; padding-right: 6px; }
+  table.figures td.words { white-space: normal; }
   .evidence { grid-template-columns: minmax(0, 1fr); } table.figures { display: block; overflow-x: auto; }
 }
 @media (max-width: 700px) {

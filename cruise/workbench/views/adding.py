@@ -175,7 +175,7 @@ def _by_hand(page: Page, added: Added) -> None:
                 with ui.element("td"), ui.label(one.name):
                     if one.meaning:
                         ui.tooltip(one.meaning)
-                with ui.element("td").classes("words").style("width:38%; min-width:140px"):
+                with ui.element("td").classes("words").style("width:38%; min-width:92px"):
                     slider = ui.slider(
                         min=one.low,
                         max=one.high,

@@ -46,7 +46,8 @@ def draw(found: Exploration, path: Path) -> Path:
         axis.grid(alpha=0.3)
     axes[1, 0].sharex(axes[0, 0])
     first, more = Path(found.recordings[0]).name, len(found.recordings) - 1
-    figure.suptitle(f"cruise explore {first}{f' and {more} more' if more else ''}", x=0.01, ha="left")
+    title = f"cruise explore {first}{f' and {more} more' if more else ''}"
+    figure.suptitle(title, x=0.01, ha="left", parse_math=False)
     figure.savefig(path, dpi=100)
     plt.close(figure)
     return path

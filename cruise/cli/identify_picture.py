@@ -34,7 +34,8 @@ def draw(found: Identification, path: Path) -> Path:
     speed.set_ylabel("ground speed (m/s)")
     name = found.structure.name or str(found.structure)
     where = f"{Path(recording.source).name}: the {time_s[-1] - time_s[0]:.0f} s with the greatest error"
-    speed.set_title(f"{name} - {where}" + (" - unstable predictor" if found.fitted.unstable else ""), loc="left")
+    title = f"{name} - {where}" + (" - unstable predictor" if found.fitted.unstable else "")
+    speed.set_title(title, loc="left", parse_math=False)
     speed.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, fontsize="small", frameon=False)
     error.plot(time_s, measured - shown, color=RED, lw=1.0)
     error.axhline(0.0, color=GREY, lw=0.8)

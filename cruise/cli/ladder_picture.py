@@ -66,7 +66,7 @@ def draw(rungs: "Sequence[Rung]", name: str, path: Path) -> Path:
     axis.grid(axis="y", alpha=0.3, which="both")
     if bounds:
         axis.legend(loc="upper right", fontsize="small")
-    axis.set_title(f"cruise ladder {name}", loc="left", color=GREY)
+    axis.set_title(f"cruise ladder {name}", loc="left", color=GREY, parse_math=False)
     figure.savefig(path, dpi=110)
     plt.close(figure)
     return path

@@ -87,7 +87,7 @@ def _one(
     speed.set_ylabel("speed (m/s)")
     few = len(found.recordings) <= MOST_SHOWN
     which = Path(recording.source).name + ("" if few else f", the worst of {len(found.recordings)} recordings")
-    speed.set_title(f"{name} - {which}" if name else which, loc="left")
+    speed.set_title(f"{name} - {which}" if name else which, loc="left", parse_math=False)
     speed.legend(loc="upper left", ncols=3, fontsize="small", framealpha=0.6)
     low, high = speed.get_ylim()
     speed.set_ylim(low, high + 0.15 * (high - low))  # room for the legend
@@ -125,9 +125,8 @@ def _map(figure: Any, found: HeatMap, named: bool) -> None:
             color = "black" if shown[i, j] > middle else "white"
             axis.text(j, i, text, ha="center", va="center", color=color, fontsize="small")
     axis.set_xticks(range(len(found.columns.labels)), found.columns.labels, fontsize="small")
-    axis.set_yticks(
-        range(len(found.rows.labels)), [textwrap.fill(one, 8) for one in found.rows.labels], fontsize="small"
-    )
+    rows = [textwrap.fill(one, 8, break_long_words=False) for one in found.rows.labels]
+    axis.set_yticks(range(len(rows)), rows, fontsize="small")
     axis.set_xlabel(_heading(found.columns))
     axis.set_ylabel(_heading(found.rows))
     axis.set_title("share of the squared error, in share of the time" + WITHIN * (not named), loc="left")

@@ -46,7 +46,7 @@ def draw(found: Diagnosis, floor: NoiseFloor, path: Path) -> Path:
     heights = [5.6, *([3.9] * len(shown)), 1.6 + 0.3 * bars]
     figure_ = plt.figure(figsize=(13, sum(heights) + 0.7), layout="constrained")
     title = textwrap.fill(UNIT.sub("\u00a0\\1", sentence(found).replace("`", "")), TITLE)
-    figure_.suptitle(title, x=0.01, ha="left", fontsize="large", fontweight="bold")
+    figure_.suptitle(title, x=0.01, ha="left", fontsize="large", fontweight="bold", parse_math=False)
     parts: Any = figure_.subfigures(len(heights), 1, height_ratios=heights)
     _minute(parts[0], found, floor, shown)
     several = len(shown) > 1 and found.verdict is not Verdict.AMBIGUOUS
@@ -117,7 +117,7 @@ def _minute(figure_: Any, found: Diagnosis, floor: NoiseFloor, shown: Sequence[R
     of = f" of {Path(recording.source).name}" if len(scene.recordings) > 1 else ""
     speed.set_title(
         f"the minute{of} in which it matters most; predicted {horizon_s:g} s ahead and more, held out", loc="left",
-        fontsize="medium",
+        fontsize="medium", parse_math=False,
     )  # fmt: skip
     bound, what = (floor.white, "white noise") if floor.white is not None else (floor.reached, "boosting")
     if bound is not None:

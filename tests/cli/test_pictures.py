@@ -1,5 +1,6 @@
 """What is written in the pictures of `cruise compare` and `cruise orders` can be read, and hides nothing."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -69,3 +70,24 @@ def test_the_legend_of_orders_hides_no_point(verb, tmp_path, monkeypatch):
     left = picture.axes[0]
     assert not left.get_legend().get_window_extent().overlaps(left.get_window_extent())
     plt.close(picture)
+
+
+def test_the_labels_of_the_map_break_between_words_alone(figure):
+    where = regimes(named=True)
+    assert where.heat_map is not None
+    rows = replace(where.heat_map.rows, labels=("accelerating", "800 to 1000", "steady", "", "", ""))
+    comparison_picture._map(figure, replace(where.heat_map, rows=rows), True)
+    assert [one.get_text() for one in figure.axes[0].get_yticklabels()][:2] == ["accelerating", "800 to\n1000"]
+
+
+@pytest.mark.parametrize("words", [("compare", "--model"), ("identify", "--model"), ("explore",)])
+def test_a_name_with_dollars_is_no_formula(verb, tmp_path, words):
+    rng = np.random.default_rng(4)
+    current = np.repeat(rng.uniform(400.0, 1000.0, 30), 60)
+    speed = np.convolve(current, np.exp(-np.arange(60) / 12.0) / 4000.0)[:1800] + rng.normal(0.0, 0.005, 1800)
+    rows = "".join(f"{0.05 * k:.2f},{current[k]:.1f},{speed[k]:.4f}\n" for k in range(1800))
+    path = tmp_path / "drive_$a_$b_.csv"
+    path.write_text("time_s,pump_current_ma,ground_speed_mps\n" + rows)
+    model = ["arx:na=1,nb=3,delay_s=0.2"] if len(words) > 1 else []
+    code, _, err = verb(words[0], path, *words[1:], *model, "--picture", tmp_path / "one.png")
+    assert (code, err) == (0, "")

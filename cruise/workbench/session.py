@@ -14,6 +14,7 @@ from typing import Any, Final
 import numpy as np
 from msgspec import structs
 
+from cruise.effects import Stage
 from cruise.model.files import CustomTerm
 from cruise.service.recordings import ReadingSettings
 from cruise.service.settings import CruiseSettings
@@ -58,12 +59,23 @@ class Step:
 
 
 @dataclass(eq=False)
+class Draft:
+    """A term of one's own as it stands in its fields: what shows the page anew does not lose it."""
+
+    name: str = "my_term"
+    stage: Stage = Stage.GAIN
+    expression: str = ""  # empty: the example of the stage
+    within: float | None = 1.0
+
+
+@dataclass(eq=False)
 class Session:
     """Everything of one tab."""
 
     setup: Setup
     folder: Path = field(default_factory=lambda: Path(tempfile.mkdtemp(prefix="cruise-workbench-")))
     opened: Opened | None = None
+    draft: Draft = field(default_factory=Draft)
     refused: Question | None = None  # the last, to be asked better
     steps: list[Step] = field(default_factory=list)
     at: int = 0
@@ -299,6 +311,8 @@ class Session:
         question = replace(self.steps[0].question, model=str(found.path))
         self.steps.append(Step(f"+ {found.effect}", question, found.compared, found))
         self.other, self.at, self.cell = self.at, self.at + 1, None
+        if found.effect == self.draft.name:
+            self.draft = Draft()
 
     def _next_file(self) -> Path:
         self.files += 1

@@ -1,6 +1,7 @@
 """What a view says and does with what was found, without a browser."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -38,6 +39,16 @@ def test_another_stage_leaves_what_was_typed(session):
     text.set_value("tanh(speed_mps)")
     stage.set_value(Stage.GAIN)
     assert text.value == "tanh(speed_mps)"
+
+
+def test_what_shows_the_page_anew_leaves_a_term_as_it_was_typed(session, better):
+    fields: list[Any] = [one for one in shown(adding, session) if isinstance(one, ui.input | ui.number)]
+    for one, value in zip(fields, ("header", "-tanh(p1*pitch_deg)", 4.0), strict=True):
+        one.set_value(value)
+    again = [one.value for one in shown(adding, session) if isinstance(one, ui.input | ui.number)]
+    assert again == ["header", "-tanh(p1*pitch_deg)", 4.0]
+    session._stepped(replace(better, effect="header"))
+    assert session.draft.name == "my_term"
 
 
 def test_the_example_of_a_load_has_no_coefficient_beside_the_loads_own(recording, tmp_path):

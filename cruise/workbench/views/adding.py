@@ -217,6 +217,7 @@ def _custom(page: Page) -> None:
     opened = session.opened
     assert step is not None
     assert opened is not None
+    draft = session.draft
     ui.label(
         "An expression of recorded signals, speed_mps (one sample ago), the parameters p1 to p9, which are fitted, and "
         "in a command term value, the current. A load term has a coefficient of its own, 0 or more: give its sign. "
@@ -224,17 +225,24 @@ def _custom(page: Page) -> None:
         "never run as a program."
     ).classes("quiet small measure")
     with ui.row().classes("items-end gap-3 w-full"):
-        name = ui.input("Name", value="my_term").props("outlined dense").style("width:150px")
-        stage = ui.select(STAGES, value=Stage.GAIN, label="Stage").props("outlined dense").style("width:230px")
-        text = ui.input("Expression", value=EXAMPLE[Stage.GAIN]).props("outlined dense").classes("mono")
-        text.style("flex:1; min-width:280px")
-        bound = ui.number("Parameters within ±", value=1.0, min=1e-9).props("outlined dense").style("width:170px")
+        name = ui.input("Name", value=draft.name).props("outlined dense").style("width:150px")
+        stage = ui.select(STAGES, value=draft.stage, label="Stage").props("outlined dense").style("width:230px")
+        text = ui.input("Expression", value=draft.expression or EXAMPLE[draft.stage])
+        text.props("outlined dense").classes("mono").style("flex:1; min-width:280px")
+        bound = ui.number("Parameters within ±", value=draft.within, min=1e-9)
+        bound.props("outlined dense").style("width:170px")
 
         def exemplify() -> None:
             if text.value in EXAMPLE.values():
                 text.set_value(EXAMPLE[stage.value or Stage.GAIN])
 
+        def keep() -> None:
+            draft.name, draft.stage = str(name.value), stage.value or Stage.GAIN
+            draft.expression, draft.within = str(text.value), bound.value
+
         stage.on_value_change(exemplify)
+        for one in (name, stage, text, bound):
+            one.on_value_change(keep)
 
     def add() -> None:
         try:

@@ -8,6 +8,7 @@ import pytest
 
 pytest.importorskip("nicegui", reason="the extra workbench is not installed")
 
+from matplotlib import colormaps
 from nicegui import Client, ui
 from nicegui.page import page
 
@@ -123,5 +124,16 @@ def test_the_colours_of_the_heat_map_begin_at_no_error(session):
         one._props["options"] for one in shown(failing, session)
         if isinstance(one, ui.plotly) and one._props["options"]["data"][0]["type"] == "heatmap"
     )  # fmt: skip
-    (heat,) = figure["data"]
+    heat, _ = figure["data"]
     assert (heat["zmin"], heat["zmax"]) == (0.0, np.nanmax(heat["z"]))
+
+
+def test_what_is_written_in_the_map_can_be_read_on_every_colour(begun, session):
+    with Client(page(""), request=None) as client:
+        heat, words = failing._figure(begun.cells, Page(session, session.setup, Live(), client))["data"]
+    for x, y, ink in zip(words["x"], words["y"], words["textfont"]["color"], strict=True):
+        share = heat["z"][heat["y"].index(y), heat["x"].index(x)] / heat["zmax"]
+        light = np.array(colormaps["cividis"](share)[:3])
+        light = np.where(light <= 0.04045, light / 12.92, ((light + 0.055) / 1.055) ** 2.4) @ (0.2126, 0.7152, 0.0722)
+        contrast = (light + 0.05) / 0.05 if ink == "#000000" else 1.05 / (light + 0.05)
+        assert contrast > 4.5, "WCAG 2.2, 1.4.3"

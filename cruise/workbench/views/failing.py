@@ -16,6 +16,7 @@ from cruise.workbench.views.tracks import timeline
 
 LISTED = 6  # cells and regimes in words
 LEAST_WRITTEN = 0.01  # share of time and error from which a cell's figures stand in it
+HALF_LIGHT = 0.47  # of Cividis, where black and white are read alike: either is 4.6 times as light or dark
 JOINED_S = 2.0  # stretches closer than that are one
 
 
@@ -184,6 +185,7 @@ def _figure(cells: Cells, page: Page) -> dict[str, Any]:
         ]
         for i in range(shown.shape[0])
     ]
+    top = float(np.nanmax(shown))
     height = 120 + 58 * shown.shape[0]
     layout = theme.layout(
         colors,
@@ -202,14 +204,20 @@ def _figure(cells: Cells, page: Page) -> dict[str, Any]:
         "thickness": 10, "outlinewidth": 0, "tickfont": {"size": 11, "color": colors.muted},
         "title": {"text": "m/s", "font": {"size": 11, "color": colors.muted}, "side": "top"}, "nticks": 5,
     }  # fmt: skip
-    heat = {
+    heat: dict[str, Any] = {
         "type": "heatmap", "x": list(cells.column_labels), "y": list(cells.row_labels), "z": shown, "text": text,
-        "texttemplate": "%{text}", "textfont": {"size": 12}, "colorscale": "Cividis", "xgap": 2, "ygap": 2,
-        "zmin": 0.0, "zmax": float(np.nanmax(shown)), "colorbar": bar,
+        "colorscale": "Cividis", "xgap": 2, "ygap": 2, "zmin": 0.0, "zmax": top, "colorbar": bar,
         "hovertemplate": "%{y}, %{x}<br>RMS error %{z:.3f} m/s<br>%{text}<extra></extra>",
         "hoverongaps": False,
     }  # fmt: skip
-    return {"data": [heat], "layout": layout, "config": theme.STILL_CONFIG}
+    places = [(i, j) for i, j in np.ndindex(shown.shape) if text[i][j]]
+    inks = ["#000000" if shown[place] > HALF_LIGHT * top else "#ffffff" for place in places]
+    words = {
+        "type": "scatter", "mode": "text", "hoverinfo": "skip", "textfont": {"size": 12, "color": inks},
+        "x": [cells.column_labels[j] for _, j in places], "y": [cells.row_labels[i] for i, _ in places],
+        "text": [text[i][j] for i, j in places],
+    }  # fmt: skip
+    return {"data": [heat, words], "layout": layout, "config": theme.STILL_CONFIG}
 
 
 def _title(quantity: tuple[str, str], colors: theme.Theme) -> dict[str, Any]:

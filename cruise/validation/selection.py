@@ -30,6 +30,7 @@ from cruise.validation.tried import (
     Step,
     Tried,
     asked,
+    asked_alone,
     close,
     counted,
     enough,
@@ -134,7 +135,7 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
         elif worthy:
             told = [one for one in worthy if not (chosen and _may_be_soil(one, step))]
             likely, soil = told or worthy, not told  # which it is unless one cause stands for all forces
-            best = min((one for one in likely if close(likely[0], one)), key=lambda one: one.compared.loss)
+            best = _best(likely, chosen)
             steps[-1] = replace(step, taken=best.name)
             chosen, present = _needed(search, steps[0], [*chosen, best.name], best.judged, chosen)
         else:
@@ -172,6 +173,17 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
     return Selected(tuple(steps), tuple(chosen), present, tuple(refused), beside=beside)
 
 
+def _best(likely: Sequence[Tried], chosen: Sequence[str]) -> Tried:
+    """The one that leaves least of those with as much evidence as the first.
+
+    Where nobody has evidence enough and nothing has been found yet, it is the one that leaves clearly less than that.
+    """
+    best = min((one for one in likely if close(likely[0], one)), key=lambda one: one.compared.loss)
+    least = min(likely, key=lambda one: one.compared.loss)
+    doubtful = not chosen and likely[0].counted < asked_alone(likely[0])
+    return least if doubtful and LOOSE * least.compared.loss < best.compared.loss else best
+
+
 def _needed(
     search: Search, first: Step, chosen: list[str], present: Judged, doubted: Sequence[str]
 ) -> tuple[list[str], Judged]:
@@ -190,14 +202,22 @@ def _is_little(first: Step, last: Judged) -> bool:
 
 
 def _first(one: Tried, step: Step) -> bool:
-    return (enough(one) or whole(one, step)) and not may_be_soil(one)
+    return (enough(one) or whole(one, step) or _hidden_by_a_force(one, step)) and not may_be_soil(one)
+
+
+def _hidden_by_a_force(one: Tried, step: Step) -> bool:
+    """Whether it takes enough of what is left where every force is known, though one that is missing hides it here."""
+    if step.forces is None or EFFECTS[one.name].stage is Stage.LOAD:
+        return False
+    return one.counted >= FURTHER and enough(replace(one, gain=gain(step.forces, one.compared)))
 
 
 def _further(one: Tried, step: Step, before: Judged, chosen: Sequence[str]) -> bool:
     """Whether it is more than a wrong form of what is there; `before` is without the effect that was added last."""
     share = (step.before.loss - one.judged.loss) / before.loss
     rest = _takes_all(one, step)
-    hidden = rest and one.gain >= MOST and one.name not in DYNAMICS  # a far larger one hid it
+    lone = one.name not in DYNAMICS and one.name not in MEDIATORS  # soil shows through these, too
+    hidden = rest and one.gain >= MOST and lone  # a far larger one hid it
     if soil_short(one) > 0.0 or (share < least_share(one.name, chosen) and not hidden):
         return False
     if any(ruled_out(one.name, name, step.tried) for name in chosen):  # what is left is the form of that

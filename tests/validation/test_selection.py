@@ -300,6 +300,7 @@ def test_what_a_far_larger_effect_hid_is_a_further_one_but_no_dynamics(dead_zone
     assert not further("coulomb_friction", 0.016), "two thirds of it"
     assert not further("coulomb_friction", 0.0115, 0.4), "less than half of the loss"
     assert not further("active_braking", 0.0115), "a core that is not exact leaves as much"
+    assert not further("leakage", 0.0115), "soil shows in the line pressure, too"
 
 
 def test_a_further_effect_of_the_cores_structure_must_take_more_than_a_rough_core_leaves(dead_zone):

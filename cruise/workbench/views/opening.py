@@ -18,6 +18,7 @@ from cruise.workbench.views import mapping
 
 FIRST = (MODEL, *(name for name in PRESETS if not name.startswith("narx")))
 SHOWN_NOTES = 4
+SUGGESTED = "models"  # the list below the field of the model
 
 
 def show(page: Page) -> None:
@@ -95,42 +96,12 @@ def _example(page: Page, example: Example) -> None:
 def _model(page: Page) -> None:
     session = page.session
     question = session.refused or (session.steps[0].question if session.steps else Question(MODEL))
-    typed = ""
-
-    def typing(event: events.GenericEventArguments) -> None:
-        nonlocal typed
-        typed = str(event.args or "").strip()
-
-    def pasting(event: events.GenericEventArguments) -> None:
-        """As it is left, the field takes back what nobody confirmed, and says so as if that was put in."""
-        if event.args != model.value:
-            typing(event)
-
-    def chosen() -> None:
-        nonlocal typed
-        typed = ""
-
-    def left() -> None:
-        """What was typed is meant, though nobody pressed Enter."""
-        nonlocal typed
-        said, typed = typed, ""
-        if said and said != model.value:
-            model.set_options(sorted({*model.options, said}), value=said)
-
     with ui.row().classes("items-end gap-4 w-full"):
-        model = (
-            ui.select(
-                sorted({*FIRST, question.model}, key=lambda one: (one != MODEL, one)),
-                value=question.model,
-                label="Name, or structure written out",
-                with_input=True,
-                new_value_mode="add-unique",
-            )
-            .props("outlined dense")
-            .style("width:340px")
-        )
-        model.on("keyup", typing, js_handler="(event) => emit(event.target.value)")
-        model.on("input-value", pasting).on("blur", left).on_value_change(chosen)
+        with ui.element("datalist").props(f"id={SUGGESTED}"):
+            for name in FIRST:
+                ui.element("option").props(f'value="{name}"')
+        model = ui.input("Name, or structure written out", value=question.model)
+        model.props(f"outlined dense list={SUGGESTED}").style("width:340px")
         horizon = (
             ui.number("Judged ahead (s)", value=question.horizon_s, min=0.2, max=60, step=0.5)
             .props("outlined dense")
@@ -138,17 +109,17 @@ def _model(page: Page) -> None:
         )
 
         def again() -> None:
-            left()  # the field says so only once its list is closed
             if session.steps:
                 session.ask(
                     replace(
                         session.steps[0].question,
-                        model=str(model.value),
+                        model=str(model.value).strip(),
                         horizon_s=float(horizon.value or 0.0),
                     )
                 )
                 page.refresh()
 
+        model.on("keydown.enter", again)
         button = ui.button("Compare with this model", on_click=again).props("outline no-caps")
         button.set_enabled(session.opened is not None)
     ui.label(

@@ -119,6 +119,13 @@ def test_confidence_rises_with_the_margin_towards_one(answer):
     assert values[-1] == pytest.approx(1.0, abs=1e-3)
 
 
+def test_what_is_left_beside_the_effects_takes_from_the_confidence_in_them():
+    said = [confidence_of(60.0, "inferred", left) for left in (-0.3, 0.0, 0.1, 0.4, 0.8)]
+    assert said[0] == said[1] == confidence_of(60.0, "inferred")
+    assert said == sorted(said, reverse=True)
+    assert said[-1] == pytest.approx(0.5 * said[0])
+
+
 def test_several_effects_at_once_are_another_answer_than_one():
     named = ("grade",), ("dead_zone",), ("wheel_slip",), ("grade", "dead_zone")
     answers = [answer_of(Verdict.MISSING, names) for names in named]

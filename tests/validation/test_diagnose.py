@@ -115,7 +115,8 @@ def test_the_ranking_is_of_errors_ahead_and_its_confidences_are_shares(which, re
     (before,) = {line.error_before_mps for line in one.ranking}
     assert before == pytest.approx(np.sqrt(one.base.loss))
     assert 0.0 < one.confidence < 1.0
-    assert one.confidence == confidence_of(one.margin, answer_of(one.verdict, one.effects))
+    left = one.left.missing if one.effects else 0.0
+    assert one.confidence == confidence_of(one.margin, answer_of(one.verdict, one.effects), left)
     others = sum(line.confidence for line in one.ranking if line.effect not in one.effects)
     named = [line for line in one.ranking if line.effect in one.effects]
     assert all(line.confidence == one.confidence for line in named)

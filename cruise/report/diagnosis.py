@@ -16,6 +16,7 @@ from cruise.validation.dead_time import DeadTime
 from cruise.validation.diagnose import SEED, Diagnosis, Verdict
 from cruise.validation.explanation import CORE
 from cruise.validation.judged import Judged, sureness
+from cruise.validation.left_over import DELAY
 from cruise.validation.numbers import numbers
 from cruise.validation.tried import LEAST_GAIN, LOOSE, Tried, step_of, tried_in
 from cruise.validation.unnamed import RestCurrent
@@ -41,11 +42,13 @@ def sentence(found: Diagnosis) -> str:
             names, one = _all(found.effects), len(found.effects) == 1
             are = "may be" if found.confidence < DOUBTFUL else "is" if one else "are"
             after = _error(found.final)
-            if found.left.dead_time is not None:
-                return _changing(found, found.left.dead_time, sure)
+            late = found.left.dead_time
+            if late is not None and DELAY in found.effects:
+                return _changing(found, late, sure)
             return (
                 f"{names} {are} missing: with {'it' if one else 'them'} the error {horizon} falls "
-                f"from {before} to {after} m/s on data that the fit has not seen {sure}.{_rest(found)}{_beside(found)}"
+                f"from {before} to {after} m/s on data that the fit has not seen {sure}.{_rest(found)}{_later(late)}"
+                f"{_beside(found)}"
             )
         case Verdict.NOTHING:
             share = hidden_share(found)
@@ -125,6 +128,16 @@ def _beside(found: Diagnosis) -> str:
     return (
         f"{beside} that is none of the effects that cruise knows: most of what is left depends on "
         f"{signal_of(found.beside)}."
+    )
+
+
+def _later(one: DeadTime | None) -> str:
+    """That the dead time changes with the signal of what was found, too."""
+    if one is None:
+        return ""
+    return (
+        f" The drive answers earlier ({one.early_s:+.2f} s) and later ({one.late_s:+.2f} s) with {one.signal}, too: "
+        f"{100 * one.share:.0f} % of the squared error that is left, which no model here takes away."
     )
 
 

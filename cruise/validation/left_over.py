@@ -5,10 +5,11 @@ as well, and the last two know nothing of what they are.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from cruise.effects import Effect
+from cruise.effects import EFFECTS, Effect
 from cruise.validation.candidates import MEDIATORS, UNNAMED
 from cruise.validation.confidence import excess, untold
 from cruise.validation.dead_time import DeadTime, dead_time
@@ -19,6 +20,9 @@ from cruise.validation.study import Study
 from cruise.validation.swing import Swing, swing
 
 DELAY: Final = "transport_delay"
+OF_ITS_OWN: Final = (
+    0.9  # of the share that tells how the dead time changes: with as much, it is told by that signal, too
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +63,15 @@ def left_over(study: Study, found: Selected) -> LeftOver:
     return LeftOver(hidden, late, swings, told, alone)
 
 
+def of_an_effect(late: DeadTime, chosen: Sequence[str]) -> bool:
+    """Whether the dead time changes with a signal of what was found: that is the same cause, and has a name."""
+    return late.signal in _read_by(chosen)
+
+
+def _read_by(chosen: Sequence[str]) -> frozenset[str]:
+    return frozenset(signal for name in chosen for signal in EFFECTS[name].needs)
+
+
 def _late(study: Study, found: Selected) -> DeadTime | None:
     """How the dead time changes beside what was found, if it does and the model's own delay is a constant."""
     scene, error_mps = study.search.scene, found.final.fit.error_mps
@@ -67,6 +80,10 @@ def _late(study: Study, found: Selected) -> DeadTime | None:
     late = dead_time(error_mps, scene.speed_mps - error_mps, scene.parts, study.period_s, signals, blocks)
     if late.much <= 1.0 or DELAY in found.final.explanation.structural:
         return None
+    own = {name: one for name, one in signals.items() if name in _read_by(found.chosen)}
+    by_own = dead_time(error_mps, scene.speed_mps - error_mps, scene.parts, study.period_s, own, blocks)
+    if by_own.signal and by_own.share >= OF_ITS_OWN * late.share:
+        late = by_own
     if not found.chosen:
         return late
     paced = any(type(one).pace is not Effect.pace for one in found.final.explanation.effects)

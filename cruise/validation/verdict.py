@@ -15,7 +15,7 @@ from cruise.validation.candidates import UNNAMED
 from cruise.validation.confidence import margin_of_the_end
 from cruise.validation.exchange import Place
 from cruise.validation.judged import Judged
-from cruise.validation.left_over import DELAY, LeftOver
+from cruise.validation.left_over import DELAY, LeftOver, of_an_effect
 from cruise.validation.selection import Selected
 from cruise.validation.tried import ENOUGH, NEARLY
 from cruise.validation.unnamed import SPEED
@@ -104,7 +104,7 @@ def _unlisted(found: Selected, left: LeftOver, places: Sequence[Place]) -> Answe
 
 
 def _late(found: Selected, left: LeftOver, places: Sequence[Place]) -> Answer | None:
-    if left.dead_time is None:
+    if left.dead_time is None or of_an_effect(left.dead_time, found.chosen):
         return None
     margin = min(ENOUGH * (1.0 - 1.0 / left.dead_time.much), _margin(found, left, places) if found.chosen else math.inf)
     words = _vary((left.dead_time.signal,)) if left.dead_time.signal else LATE

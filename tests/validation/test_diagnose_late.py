@@ -58,3 +58,22 @@ def test_a_dead_time_that_changes_with_a_signal_is_one_though_the_signal_foretel
     assert one.left.dead_time.signal == "bus_load_pct"
     assert one.next_experiment.startswith("hold everything else and move bus_load_pct")
     assert "than the model, as bus_load_pct has it" in sentence(one)
+
+
+def test_a_dead_time_that_changes_with_the_signal_of_an_effect_is_that_effects_own():
+    """Cold oil, and beside it a bin that fills as the oil warms, which tells the dead time as well."""
+    gain = 1.0 - 0.3 * np.linspace(1.0, 0.0, SAMPLES)
+    oil_c = 50.0 + 33.0 * np.log1p((1.0 - gain) / 0.3)
+    late = np.arange(SAMPLES) < 0.5 * SAMPLES
+    columns = {"oil_temperature_c": oil_c, "machine_mass_kg": 14_000.0 + 20.0 * oil_c}
+
+    def cold(current_ma: np.ndarray) -> np.ndarray:
+        return np.where(late, np.concatenate([current_ma[:4], current_ma[:-4]]), current_ma)
+
+    one = diagnose(
+        study([drive(SECONDS, 4, DT_S, 0.02, gain=gain, columns=columns, command=cold)], STRUCTURE, None, PERIOD_S)
+    )
+    assert (one.verdict, one.effects) == (Verdict.MISSING, ("oil_temperature",))
+    assert one.left.dead_time is not None
+    assert one.left.dead_time.signal == "oil_temperature_c"
+    assert " with oil_temperature_c, too: " in sentence(one)

@@ -288,8 +288,7 @@ def _counted(one: Tried) -> str:
 
 
 def _refusal(one: Refused) -> str:
-    why = one.reason.removesuffix(" -")  # the unit of what has none
-    return f"`{one.effect}`: {why} - " + ("not excited, not absent" if one.still else "it can't be blamed")
+    return f"`{one.effect}`: {one.reason} - " + ("not excited, not absent" if one.still else "it can't be blamed")
 
 
 def _commands(

@@ -254,7 +254,8 @@ def still(kind: type[Effect], recordings: Sequence[Recording]) -> str:
         size = max(abs(float(np.median(values))), 1e-3 * (SIGNALS[need].high - SIGNALS[need].low))
         if np.ptp(np.percentile(values, [1, 99])) < SAME * size:
             ever = "never" if np.ptp(values) < SAME * size else "hardly"
-            return f"{need} {ever} moves: it stays at {np.median(values):g} {SIGNALS[need].unit}"
+            unit = SIGNALS[need].unit.removeprefix("-")
+            return f"{need} {ever} moves: it stays at {np.median(values):g} {unit}".rstrip()
     return ""
 
 

@@ -9,6 +9,7 @@ from cruise.effects import EFFECTS, Stage
 from cruise.effects.coulomb_friction import CoulombFriction
 from cruise.effects.dead_zone import DeadZone
 from cruise.effects.engine_speed import EngineSpeed
+from cruise.effects.gear_ratio import GearRatio
 from cruise.effects.grade import Grade
 from cruise.effects.hysteresis import Hysteresis
 from cruise.effects.leakage import Leakage
@@ -79,6 +80,8 @@ def test_what_never_moves_is_not_excited_not_absent():
         == f"engine_speed_rpm never moves: it stays at {np.median(still.columns['engine_speed_rpm']):g} rpm"
     )
     assert why_not(Grade, [still]) == "pitch_deg never moves: it stays at 0 deg"
+    geared = recorded(gear=np.full(SAMPLES, 2.0))
+    assert why_not(GearRatio, [geared]) == "gear never moves: it stays at 2", "a gear has no unit"
     _, refused = candidates([still], BARE)
     assert Refused("grade", "pitch_deg never moves: it stays at 0 deg", still=True) in refused
     moving = recorded(engine_speed_rpm=2050.0 + wander(SAMPLES, 0.2, 1, 40.0, 4.0))

@@ -224,9 +224,9 @@ def test_what_was_taken_back_is_neither_drawn_nor_reported(hills):
     assert [label for label, _, _ in diagnosis_picture._models(found, shown)][1:] == ["with a curve of pitch_deg"]
 
 
-def test_commands_can_be_copied_and_no_unit_is_no_dash(hills, capsys):
+def test_commands_can_be_copied_and_what_hardly_moves_is_not_excited(hills, capsys):
     hardly = Refused("engine_speed", "engine_speed_rpm hardly moves: it stays at 2100 rpm", still=True)
-    refused = (Refused("gear_ratio", "gear never moves: it stays at 2 -", still=True), hardly)
+    refused = (Refused("gear_ratio", "gear never moves: it stays at 2", still=True), hardly)
     diagnose_words.say(replace(hills, refused=refused), FLOOR, "my model.yaml", ["drive.csv"], [], "p.png")
     out = capsys.readouterr().out
     assert "cruise add grade --model 'my model.yaml' drive.csv -o better.yaml" in out

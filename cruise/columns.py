@@ -31,7 +31,10 @@ from cruise.times import (
 from cruise.units import FULL_MA, MA_PER_UNIT, UNITS, InputUnit, apart, bracketed, entry, spelt
 
 TIME: Final = "time_s"
-SOUNDS: Final = re.compile(r"time|(?<![^\W_])(?:ms|us|sec|seconds)(?![^\W_])|^t([\W_]+s)?\W*$", re.IGNORECASE)  # a time
+TIMES: Final = re.compile(r"time|zeit|temps|tiempo|tijd", re.IGNORECASE)
+SOUNDS: Final = re.compile(
+    rf"{TIMES.pattern}|(?<![^\W_])(?:ms|us|sec|seconds)(?![^\W_])|^t([\W_]+s)?\W*$", re.IGNORECASE
+)  # like a time
 MOST_CODES: Final = 3  # "specific", "error" and "not available" of J1939-71; what is measured has more values
 FALLS: Final = -0.5  # correlation of input and speed below which one of them has the wrong sign
 CODES_APART: Final = 0.25  # of a signal's range, by which they are apart from all that was measured
@@ -139,7 +142,7 @@ def time_of(raw: Mapping[str, FloatArray], settings: RecordingSettings, notes: l
         return settings.time
     sounding = [name for name in raw if SOUNDS.search(name) and name not in (settings.input, settings.output)]
     rising = [name for name in sounding if np.all(np.diff(raw[name]) > 0.0)]
-    found = rising if len(rising) == 1 else [name for name in sounding if "time" in name.lower()]
+    found = rising if len(rising) == 1 else [name for name in sounding if TIMES.search(name)]
     if len(found) != 1:
         return settings.time
     notes.append(f"{found[0]}: taken as the time; time: NAME in the file of --columns takes another column")

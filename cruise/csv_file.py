@@ -80,7 +80,7 @@ def write_csv(recording: Recording, path: str | Path) -> None:
         writer.writerows([["" if value != value else value for value in row] for row in table])
 
 
-def _lines(path: str | Path, notes: list[str]) -> list[str]:
+def _lines(path: str | Path, notes: list[str]) -> Sequence[str]:
     try:
         data = Path(path).read_bytes()
     except FileNotFoundError as error:
@@ -106,7 +106,17 @@ def _lines(path: str | Path, notes: list[str]) -> list[str]:
         notes.append(
             f"ends in {len(text) - len(written)} characters of nothing, as after a power failure; read up to there"
         )
-    return written.splitlines()
+    return _spaced(written.splitlines())
+
+
+def _spaced(lines: Sequence[str]) -> Sequence[str]:
+    """The lines with tabs between their cells, where nothing but spaces is, as numpy writes them."""
+    middle = lines[len(lines) // 2 :][:SAMPLED]
+    cells = [line.split() for line in middle if line.strip()]
+    plain = cells and all(len(row) >= FEWEST_CELLS and all(map(_is_value, row)) for row in cells)
+    if not plain or any(one in line for line in middle for one in "\t;,"):
+        return lines
+    return ["\t".join(line.lstrip("# ").split()) for line in lines]
 
 
 def _table(lines: Sequence[str], notes: list[str]) -> tuple[Sequence[str], int]:

@@ -121,3 +121,17 @@ def test_a_file_that_a_power_failure_cut_is_read_up_to_there(tmp_path):
     read = read_csv(path, PLAIN)
     assert len(read) >= 20
     assert any(note.startswith("ends in 512 characters of nothing") for note in read.notes)
+
+
+def test_cells_that_only_spaces_separate_are_those_of_a_table(tmp_path):
+    rows = [f" {'   '.join(row.split(','))}" for row in ramp()]
+    read = read_csv(file_of(tmp_path, "\n".join([f"# {HEADER.replace(',', ' ')}", *rows])), PLAIN)
+    np.testing.assert_allclose(read.output, 0.2 * np.arange(20), atol=1e-9)
+    assert list(read.columns) == [INPUT, OUTPUT]
+
+
+@pytest.mark.parametrize("name", ["Zeit", "Zeit_s", "Temps (s)", "tiempo", "Tijd [s]"])
+def test_a_time_is_known_in_other_languages(tmp_path, name):
+    read = read_csv(csv_of(tmp_path, ramp(), f"{name},{INPUT},{OUTPUT}"), PLAIN)
+    np.testing.assert_allclose(read.output, 0.2 * np.arange(20), atol=1e-9)
+    assert any(note.startswith(f"{name}: taken as the time") for note in read.notes)

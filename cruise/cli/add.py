@@ -31,23 +31,22 @@ from cruise.cli.reading import (
     tables,
     writable,
 )
-from cruise.effects import EFFECTS, Custom, Stage
+from cruise.effects import EFFECTS, Custom
 from cruise.effects.custom import output_in_words
 from cruise.effects.expression import ExpressionError
 from cruise.identification.named import model_named
 from cruise.model import files
 from cruise.model.history import history_of
 from cruise.recording import notes_of
+from cruise.report.added import doubts, less
 from cruise.report.model_file import model_file
 from cruise.report.plain import plain
 from cruise.settings import SettingsError
 from cruise.validation import ladder
 from cruise.validation.ladder import Added, Parameter
 from cruise.validation.noise_floor import NoiseFloor
-from cruise.validation.numbers import BOUND, IMPLAUSIBLE, NO_SIGN, NOT_TOLD
+from cruise.validation.numbers import BOUND, NO_SIGN, NOT_TOLD
 from cruise.validation.study import Study
-
-LITTLE = 0.02  # of the error: less is nothing that anyone would notice
 
 
 def add(
@@ -145,20 +144,13 @@ def _print(
         console.print(f"note: {note}")
     if len(notes) > NOTES_SHOWN:
         console.print(f"and {count_of(len(notes) - NOTES_SHOWN, 'note')} more (--json has them all)")
-    less = 1.0 - added.error_after_mps / added.error_before_mps if added.error_before_mps else 0.0
     fell = f"{added.error_before_mps:.4f} -> {added.error_after_mps:.4f} m/s"
     console.print()
-    console.print(f"held-out error {study.horizon_s:g} s ahead:", bold(fell, f", {_change(less)}"))
+    console.print(f"held-out error {study.horizon_s:g} s ahead:", bold(fell, f", {_change(less(added))}"))
     console.print(f"noise floor: {floor_in_words(floor)}")
-    absent, odd = _absent(added.effect, fitted), [one.name for one in fitted if one.remark == IMPLAUSIBLE]
-    if less <= -LITTLE:
-        console.print("It makes the model worse: leave it out; cruise diagnose says what would help.")
-    elif absent:
-        console.print(f"There is no sign of it in these recordings: it was fitted to nothing{_other_way(added)}.")
-    elif less < LITTLE:
-        console.print("It explains next to nothing of these recordings: cruise diagnose says what would.")
-    for name in odd:
-        console.print(f"{name} is negative, which is implausible: more current would slow the machine down.")
+    doubtful = doubts(added, fitted)
+    for sentence in doubtful:
+        console.print(sentence)
     console.print(_table(fitted))
     for remark in (NOT_TOLD, BOUND, NO_SIGN):
         names = [one.name for one in fitted if one.remark == remark]
@@ -166,7 +158,7 @@ def _print(
             console.print(f"{remark}: {', '.join(names)}")
     if out is None:
         console.print("nothing was written; -o FILE.yaml keeps the model")
-    elif absent or less < LITTLE or odd:
+    elif doubtful:
         console.print(f"model: {out}; cruise ladder {out} --undo takes {added.effect} out again")
     else:
         console.print(f"model: {out}; next: cruise ladder {out}, or cruise run with it")
@@ -180,24 +172,6 @@ def _change(less: float) -> str:
     if percent <= -100:
         return f"{1.0 - less:.2g} times as much"
     return f"{abs(percent)} % {'less' if percent > 0 else 'more'}"
-
-
-def _absent(effect: str, fitted: list[Parameter]) -> bool:
-    """Whether it was fitted to nothing: its load, or all its shapes where it has none. One shape may stay neutral."""
-    remarks = {one.name.removeprefix(f"{effect}."): one.remark for one in fitted if one.name.startswith(f"{effect}.")}
-    asked = [remarks["load"]] if "load" in remarks else list(remarks.values())
-    return bool(asked) and all(remark == NO_SIGN for remark in asked)
-
-
-def _other_way(added: Added) -> str:
-    """What to try of a load, which only takes speed: of a term of one's own, the same with the other sign."""
-    effect = next((one for one in added.after.explanation.effects if one.name == added.effect), None)
-    if effect is None or effect.acts_as is not Stage.LOAD or effect.either_sign:
-        return ""
-    if isinstance(effect, Custom):
-        other = f"custom({effect.name}, load, -({effect.expression}))"
-        return f", as a load only takes speed: where it gives some, write {other}"
-    return ", or may push one way only"
 
 
 def floor_in_words(floor: NoiseFloor) -> str:

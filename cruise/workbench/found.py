@@ -251,3 +251,4 @@ class Added:
     parameters: tuple[Parameter, ...]
     by_hand: bool  # set, not fitted: both errors are of `cruise compare`, on all data
     compared: Compared  # the better model, as `cruise compare` judges its file
+    doubts: tuple[str, ...] = ()  # what speaks against keeping it

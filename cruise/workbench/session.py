@@ -29,6 +29,7 @@ SEARCH: Final = "Looking for what is missing"
 HERE: Final = (
     (re.compile(r"; choose with [^;]* in the file of --columns"), "; say below what the columns mean"),
     (re.compile(r"take it out with cruise ladder --undo"), "take it out with Undo"),
+    (re.compile(r"cruise diagnose says"), "What is missing says"),
     (re.compile(r"give the DBC file with --database"), "drop the log together with its DBC file"),
     (
         re.compile(r"give the machine's own database with --database, .* in --columns"),
@@ -270,7 +271,7 @@ class Session:
         self.job = None
         self.version += 1
         if job.fault:
-            self.fault = "" if job.cancelled else _said_here(self._named(job.fault))
+            self.fault = "" if job.cancelled else said_here(self._named(job.fault))
             self.searching = False
             return
         self.fault = ""
@@ -326,7 +327,7 @@ def moves(found: Opened, name: str) -> bool:
     return bool(values.max() - values.min() > 0.0) if len(values) else False
 
 
-def _said_here(fault: str) -> str:
+def said_here(fault: str) -> str:
     """What a verb says, with the remedies that the page has."""
     for advice, remedy in HERE:
         fault = advice.sub(remedy, fault)

@@ -32,6 +32,7 @@ from cruise.model.model import Model
 from cruise.recording import Recording, RecordingError, notes_of
 from cruise.report import comparison as comparing
 from cruise.report import comparison_picture, diagnosis, diagnosis_picture, evidence, mapping
+from cruise.report.added import doubts
 from cruise.report.model_file import model_file
 from cruise.service.recordings import read_recordings
 from cruise.service.recordings.names import names_in
@@ -192,6 +193,7 @@ def added(
     made_on = datetime.now(UTC).date().isoformat()
     better = model_file(question.model, structure, file, earlier, study, one, floor, made_on)
     settings.save(path, better)
+    fitted = ladder.parameters(study, one)
     return Added(
         effect=one.effect,
         file=better,
@@ -199,9 +201,10 @@ def added(
         error_before_mps=one.error_before_mps,
         error_after_mps=one.error_after_mps,
         floor_mps=_between(floor),
-        parameters=tuple(ladder.parameters(study, one)),
+        parameters=tuple(fitted),
         by_hand=False,
         compared=compared(recordings, replace(question, model=str(path)), show),
+        doubts=tuple(doubts(one, fitted)),
     )
 
 

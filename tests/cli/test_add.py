@@ -9,11 +9,12 @@ import msgspec
 import pytest
 
 from cruise import cli, settings
-from cruise.cli.add import _absent, _change
+from cruise.cli.add import _change
 from cruise.cli.places import CONFIG
 from cruise.csv_file import write_csv
 from cruise.model import files
 from cruise.plant import PlantSettings
+from cruise.report.added import absent
 from cruise.service import course, demo
 from cruise.service import settings as service_settings
 from cruise.validation import ladder as validation
@@ -298,7 +299,7 @@ def test_what_the_data_can_not_separate_is_said_and_has_no_error_in_json(verb, d
 )
 def test_an_effect_is_there_though_a_shape_of_it_is_not(remarks, none):
     fitted = [validation.Parameter(name, "", None, 0.0, 0.0, remark) for name, remark in remarks.items()]
-    assert _absent("grade", fitted) is none
+    assert absent("grade", fitted) is none
 
 
 def test_the_file_goes_unchanged_into_the_service(built):

@@ -58,6 +58,19 @@ def test_the_example_of_a_load_has_no_coefficient_beside_the_loads_own(recording
     told = [one for one in found.parameters if one.name.startswith("hill.")]
     assert [one.name for one in told] == ["hill.load"]
     assert 0.0 < told[0].std < 0.1 * abs(told[0].after)
+    assert found.doubts == ()
+
+
+def test_a_load_of_the_wrong_sign_is_said_to_be_one(session, recording, tmp_path):
+    term = CustomTerm(name="hill", stage=Stage.LOAD, expression="pitch_deg")  # which would push uphill
+    found = added([recording], Question(MODEL), term, tmp_path / "hill.yaml", quiet)
+    assert "There is no sign of it in these recordings" in found.doubts[0]
+    session._stepped(found)
+    labels = [one.text for one in shown(adding, session) if isinstance(one, ui.label)]
+    assert any("where it gives some, write custom(hill, load, -(pitch_deg))" in text for text in labels)
+    session._stepped(replace(found, doubts=("It makes the model worse: cruise diagnose says what would help.",)))
+    labels = [one.text for one in shown(adding, session) if isinstance(one, ui.label)]
+    assert "It makes the model worse: What is missing says what would help." in labels
 
 
 def diagnosed_as(verdict: str, *effects: str) -> Diagnosed:

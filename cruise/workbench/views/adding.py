@@ -14,7 +14,7 @@ from cruise.workbench.by_hand import Setting, judged, settings_of
 from cruise.workbench.found import Added
 from cruise.workbench.page import Page
 from cruise.workbench.parts import NO_FIGURE, card, figure, heading, labelled, nothing_open, row_button, speed
-from cruise.workbench.session import Session
+from cruise.workbench.session import Session, said_here
 from cruise.workbench.verbs import term as own
 from cruise.workbench.views.tracks import timeline
 
@@ -86,6 +86,8 @@ def _ladder(page: Page) -> None:
             )
             figure(f"{abs(fall):.0f} %", "", "less" if fall >= 0 else "more than before")
             figure(speed(_floor(added)), "m/s", "noise floor")
+        for sentence in added.doubts:
+            ui.label(said_here(sentence)).classes("measure")
 
 
 def _floor(added: Added) -> float:

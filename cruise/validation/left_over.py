@@ -20,9 +20,7 @@ from cruise.validation.study import Study
 from cruise.validation.swing import Swing, swing
 
 DELAY: Final = "transport_delay"
-OF_ITS_OWN: Final = (
-    0.9  # of the share that tells how the dead time changes: with as much, it is told by that signal, too
-)
+OF_ITS_OWN: Final = 0.9  # of what any signal tells of how the dead time changes, that an effect's own has to tell
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,12 +78,12 @@ def _late(study: Study, found: Selected) -> DeadTime | None:
     late = dead_time(error_mps, scene.speed_mps - error_mps, scene.parts, study.period_s, signals, blocks)
     if late.much <= 1.0 or DELAY in found.final.explanation.structural:
         return None
+    if not found.chosen:
+        return late
     own = {name: one for name, one in signals.items() if name in _read_by(found.chosen)}
     by_own = dead_time(error_mps, scene.speed_mps - error_mps, scene.parts, study.period_s, own, blocks)
     if by_own.signal and by_own.share >= OF_ITS_OWN * late.share:
         late = by_own
-    if not found.chosen:
-        return late
     paced = any(type(one).pace is not Effect.pace for one in found.final.explanation.effects)
     least = LEAST_DYNAMIC if paced else LEAST_SHARE  # as of any further effect: no form is exact
     before = found.steps[-2:][0].before  # without the effect that was found last

@@ -216,8 +216,8 @@ def _further(one: Tried, step: Step, before: Judged, chosen: Sequence[str]) -> b
     """Whether it is more than a wrong form of what is there; `before` is without the effect that was added last."""
     share = (step.before.loss - one.judged.loss) / before.loss
     rest = _takes_all(one, step)
-    lone = one.name not in DYNAMICS and one.name not in MEDIATORS  # soil shows through these, too
-    hidden = rest and one.gain >= MOST and lone  # a far larger one hid it
+    rough = one.name in DYNAMICS or one.name in MEDIATORS  # a core's form leaves as much, and soil shows there
+    hidden = rest and one.gain >= MOST and not rough  # a far larger one hid it
     if soil_short(one) > 0.0 or (share < least_share(one.name, chosen) and not hidden):
         return False
     if any(ruled_out(one.name, name, step.tried) for name in chosen):  # what is left is the form of that

@@ -316,8 +316,8 @@ CHECKS: Final = (
     Check("current and speed do not fit the model", _response, 0.3),
     Check("the speed changes as no command did", _jump, 0.0, True),
     Check("a force came at once, as no hill does", _force, 0.0, True),
-    Check("the machine does not follow", lambda seen, memory, settings:
-          (seen.followed_mps - seen.speed_mps) / (settings.behind_mps + 0.1 * abs(seen.speed_mps)), 1.0, True),
+    Check("the machine does not follow", lambda seen, memory, settings:  # 1.3 s in fourth gear out of a valley
+          (seen.followed_mps - seen.speed_mps) / (settings.behind_mps + 0.1 * abs(seen.speed_mps)), 1.5, True),
 )  # fmt: skip
 
 

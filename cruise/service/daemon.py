@@ -80,8 +80,9 @@ class Daemon:
         self._reload = reload
         file = self._state_file()
         with ExitStack() as begun:
-            if file is not None:
-                begun.enter_context(held(file.path.parent))
+            unlocked = begun.enter_context(held(file.path.parent)) if file is not None else ""
+            if unlocked:
+                self.say(unlocked)
             self._begin(file, changes, at_once=again is None and not notifier.listened_to)
             self._held = begun.pop_all()
 

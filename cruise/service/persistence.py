@@ -108,13 +108,13 @@ def _digest(text: str) -> str:
 
 
 @contextmanager
-def held(folder: Path) -> Iterator[None]:
-    """Have `folder` for ourselves. SettingsError where another process has it.
+def held(folder: Path) -> Iterator[str]:
+    """Have `folder` for ourselves; what keeps us from that, in words, or nothing. SettingsError where another has it.
 
     The lock is on the folder itself: it takes no file, holds on a disk that is read only too, and goes with its process
-    however that ends.
+    however that ends. A file system without locks keeps nobody out, which is no reason not to drive.
     """
-    descriptor = os.open(folder, os.O_RDONLY)
+    descriptor, problem = os.open(folder, os.O_RDONLY), ""
     try:
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -123,9 +123,9 @@ def held(folder: Path) -> Iterator[None]:
                 f"persistence.folder: another `cruise run` has {folder}; stop that one, or give this one a folder of "
                 "its own"
             ) from error
-        except OSError:
-            pass  # a file system without locks keeps nobody out
-        yield
+        except OSError as error:
+            problem = f"{folder} can't be locked ({error.strerror}): nothing keeps a second `cruise run` out of it"
+        yield problem
     finally:
         os.close(descriptor)
 

@@ -1,5 +1,6 @@
 """Two services where one should be: on one bus with one address, and with one folder for what is kept."""
 
+import errno
 import subprocess
 import sys
 from pathlib import Path
@@ -86,3 +87,13 @@ def test_a_start_that_fails_leaves_the_folder_free(settings: CruiseSettings, tmp
     assert "persistence.folder" not in str(failed.value)
     with held(tmp_path / "kept"):
         pass
+
+
+def test_a_file_system_without_locks_is_said_and_ends_nothing(settings: CruiseSettings, monkeypatch):
+    def none(descriptor: int, operation: int) -> None:
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr("cruise.service.persistence.fcntl.flock", none)
+    said: list[str] = []
+    run(Daemon(settings, Notifier(""), said.append), 2)
+    assert sum("can't be locked (No locks available)" in line for line in said) == 1

@@ -37,12 +37,12 @@ from cruise.report.mapping import hints
 from cruise.signals import INPUT
 from cruise.units import MA_PER_UNIT, InputUnit
 from cruise.validation.candidates import UNNAMED, Refused
+from cruise.validation.curves import LEAST_CURVED, PLAINLY_CURVED
 from cruise.validation.diagnose import SEED, Diagnosis, Verdict
 from cruise.validation.judged import Judged
 from cruise.validation.left_over import DELAY
 from cruise.validation.noise_floor import NoiseFloor
 from cruise.validation.numbers import BOUND, NOT_TOLD, numbers
-from cruise.validation.selection import LEAST_CURVED, PLAINLY_CURVED
 from cruise.validation.simulation import JUDGED_S, paced
 from cruise.validation.tried import ENOUGH, FEW, LEAST_GAIN, MUCH, RESISTS, Tried, asked
 

@@ -7,18 +7,17 @@ from typing import Final
 import numpy as np
 
 from cruise.effects import EFFECTS, Stage
-from cruise.signals import INPUT, OUTPUT
 from cruise.validation.background import DYNAMICS, STRUCTURAL
 from cruise.validation.candidates import MEDIATORS, UNNAMED, Refused, candidates, unnamed, without
+from cruise.validation.curves import acts_through, curve_with_the_word, effects_are_more
 from cruise.validation.judged import Judged, gain, sureness
-from cruise.validation.laws import SEED, law_of, ruled_out
-from cruise.validation.mediator import MEDIATED, one_for_all, unknown
+from cruise.validation.laws import ruled_out
+from cruise.validation.mediator import one_for_all
 from cruise.validation.search import Search
 from cruise.validation.study import Study
 from cruise.validation.tried import (
     ALL_OF_IT,
     ANYHOW,
-    APART,
     BEYOND_DOUBT,
     ENOUGH,
     FEW,
@@ -42,7 +41,6 @@ from cruise.validation.tried import (
     whole,
 )
 from cruise.validation.trying import Show, tried_beside
-from cruise.validation.unnamed import SPEED
 
 LEAST_IN_ALL: Final = 0.3  # of the loss: what takes no more in all is the little of everything that a machine has
 FURTHER: Final = 75.0  # evidence from which a further effect is one, as no form of the first is exact,
@@ -53,17 +51,6 @@ LEAST_COMMAND: Final = 0.12  # for what acts on the command beside hysteresis, o
 LEAST_STRUCTURAL: Final = 0.15  # and for one of the core's own structure, beside which something else was found;
 PLAINLY: Final = (12.0, 0.3, 0.1)  # or evidence times gain, where it takes more of both: no wrong form leaves so much
 MOST: Final = 0.5  # of the present loss: what takes more, and beyond doubt or nearly all there is, may be any share
-LEAST_CURVED: Final = 0.45  # of the loss, that a free curve must explain to have the word,
-PLAINLY_CURVED: Final = (0.3, 180.0, 5.0)  # or so much, with evidence and standard errors that no soil has
-CURVED: Final = (60.0, 0.05)  # evidence, and share of it, by which a free curve must exceed all effects
-FAR: Final = 0.25  # of what all effects leave above the noise: a curve that leaves less has the word, and
-LESS: Final = 0.7  # of what they leave in all, with as much evidence; clearly less, with more,
-ABOUT: Final = 0.1  # which is as much while it differs by no more than this share
-CLEARLY: Final = 0.6  # of what the best effect leaves where every force is known: all that a curve may leave there
-SAME_SIGNAL: Final = 0.85  # of what a curve takes away: an effect of the same signal that takes as much is the curve
-WHITE: Final = 1.05  # of the noise: a curve that leaves no more, where the effects surely do, has left nothing out
-WITNESS: Final = "wheel_speed_mps"  # shows all that happens between wheel and ground, whatever the cause:
-WITNESSED: Final = 0.85  # of the evidence for what reads it, from which a cause that leaves no more is the cause
 MOST_OF_IT: Final = 0.5  # of what effects leave above the noise, that a curve must take to show them as substitutes
 SUPERFLUOUS: Final = 0.5  # of ENOUGH: what an effect must still bring beside the others
 HOPEFUL: Final = (10.0, 2)  # evidence from which an effect that is not enough may be one of two, and how many may
@@ -155,8 +142,8 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
         shows = next(one for one in steps[0].tried if one.name == steps[0].unrecorded)
         return Selected(tuple(steps), (), shows.judged, tuple(refused))
     last = steps[-1] if chosen and steps[-1].before is present else None
-    curve, margin = _curve(steps[0], together(steps[0], present, chosen) if chosen else 0.0, present)
-    if curve is not None and last is not None and _is_more_than_the_curve(curve, chosen, last):
+    curve, margin = curve_with_the_word(steps[0], together(steps[0], present, chosen) if chosen else 0.0, present)
+    if curve is not None and last is not None and effects_are_more(curve, chosen, last):
         curve = None
     beside = ""
     if curve is None and last is not None:
@@ -302,78 +289,6 @@ def _pair(study: Study, alone: Step, rng: np.random.Generator, show: Show) -> _P
     return max(found, key=lambda one: one[0])[1] if found else None
 
 
-def _curve(first: Step, chosen: float, present: Judged) -> tuple[Tried | None, float]:
-    """The curve without physics that has the word, if one has, and by which margin.
-
-    `chosen` is the evidence for the effects together, `present` the model with them. Soil that nobody recorded, which
-    every field has, shows in what the drive itself moves: such a curve has to leave as little as `MEDIATED` asks of it.
-    """
-    curves = [one for one in first.tried if one.name.startswith(UNNAMED)]
-    named = [one for one in first.tried if not one.name.startswith(UNNAMED)]
-    best, left = max((one for one in curves if _curves(one)), key=counted, default=None), present.loss
-    if best is None or not enough(best) or best.judged.loss >= left:
-        return None, 0.0
-    direct = [one.compared.loss for one in named if one.name not in MEDIATORS and one.sureness >= SURE]
-    mine = best.name.removeprefix(UNNAMED)
-    witnessed = unknown(mine) and _witnessed(named, best)
-    all_of_it = best.credit == 1.0 and best.compared.loss <= WHITE * first.background.noise and _clearly(best, present)
-    most = 1.0 if witnessed or all_of_it else 1.0 / LOOSE if best.credit == 1.0 else MEDIATED
-    if first.forces is not None:  # soil, too
-        most, left = CLEARLY, min(direct, default=left)
-    if best.compared.loss >= min([most * left, *direct]):
-        return None, 0.0
-    effects = max([chosen, *(one.counted for one in named if one.gain >= LEAST_GAIN)])
-    margin = best.counted - CURVED[0] - CURVED[1] * best.counted - effects
-    noise = first.background.noise
-    less = 1.0 if all_of_it else 1.0 / LOOSE if best.counted >= (1.0 + ABOUT) * effects else LESS
-    if effects <= (1.0 + ABOUT) * best.counted and best.compared.loss < less * left and left > noise:
-        margin = max(margin, ENOUGH * (1.0 - max(best.compared.loss - noise, 0.0) / (FAR * (left - noise))))
-    if witnessed and best.counted >= WITNESSED * effects:
-        margin = max(margin, ENOUGH * (best.counted / effects - WITNESSED) / (1.0 - WITNESSED))
-    if margin <= 0.0:
-        return None, 0.0
-    same = [one for one in named if _of_the_same(one.name, mine) and enough(one)]
-    taken = [(first.before.loss - one.judged.loss) / (first.before.loss - best.judged.loss) for one in same]
-    return (None, 0.0) if max(taken, default=0.0) >= SAME_SIGNAL else (best, margin)
-
-
-def _clearly(one: Tried, present: Judged) -> bool:
-    """Whether it leaves less than the model with the effects, whatever the evidence."""
-    return sureness(present, one.judged, np.random.default_rng(SEED)) >= APART
-
-
-def _is_more_than_the_curve(curve: Tried, chosen: Sequence[str], last: Step) -> bool:
-    """Whether a curve of a signal through which the effects act errs less only by a little of something else.
-
-    What that is, such as dry friction in a curve of the current that knows the direction, need not be enough to be
-    named beside them.
-    """
-    known = {signal for name in chosen for signal in _acts_through(name)}
-    named = [one for one in last.tried if not one.name.startswith(UNNAMED) and one.credit > 0.0]
-    least = min((one.judged.loss for one in named), default=last.before.loss)
-    return curve.name.removeprefix(UNNAMED) in known and least < LOOSE * curve.judged.loss
-
-
-def _witnessed(named: Sequence[Tried], curve: Tried) -> bool:
-    """Whether all effects that could stand in the curve's place read the witness, and leave no less."""
-    rivals = [one for one in named if one.counted >= WITNESSED * curve.counted and one.gain >= LEAST_GAIN]
-    return bool(rivals) and all(
-        WITNESS in EFFECTS[one.name].needs and one.compared.loss >= curve.compared.loss for one in rivals
-    )
-
-
-def _of_the_same(name: str, signal: str) -> bool:
-    """Whether an effect of the table is a law of this recorded signal, or of the model's speed and no recorded one."""
-    return law_of(name) == SPEED if signal == SPEED else signal in EFFECTS[name].needs and signal != OUTPUT
-
-
-def _curves(one: Tried) -> bool:
-    """Whether a free curve explains enough to have the word."""
-    least, evidence, sure = PLAINLY_CURVED
-    plainly = one.gain >= least and one.counted >= evidence and one.sureness >= sure
-    return plainly or one.gain >= LEAST_CURVED
-
-
 def _left_over(chosen: Sequence[str], last: Step, before: Judged) -> Tried | None:
     """The curve that takes as much of what the effects leave as a further effect would have to, and most of it.
 
@@ -382,7 +297,7 @@ def _left_over(chosen: Sequence[str], last: Step, before: Judged) -> Tried | Non
     there, too. Where the curve does as well alone, they were its substitutes; else they are needed, and something else
     is missing as well. `before` is without the last effect.
     """
-    known = {signal for name in chosen for signal in _acts_through(name)}
+    known = {signal for name in chosen for signal in acts_through(name)}
     curves = [
         one
         for one in last.tried
@@ -393,13 +308,6 @@ def _left_over(chosen: Sequence[str], last: Step, before: Judged) -> Tried | Non
         return None
     left = last.before.loss - last.background.noise
     return best if last.before.loss - best.judged.loss >= MOST_OF_IT * left else None
-
-
-def _acts_through(name: str) -> frozenset[str]:
-    """The signals that an effect of the table reads, the current and the model's speed among them."""
-    kind = EFFECTS[name]
-    signals = {INPUT} if kind.stage in (Stage.COMMAND, Stage.DYNAMICS) else set()
-    return frozenset({*signals, *kind.needs} | ({SPEED} if kind.reads_speed or OUTPUT in kind.needs else set()))
 
 
 def _witness_of_the_rest(last: Step) -> str:

@@ -11,7 +11,7 @@ import pytest
 from cruise.effects import EFFECTS
 from cruise.identification.structures import parse
 from cruise.signals import INPUT, OUTPUT
-from cruise.validation import selection, tried
+from cruise.validation import curves, selection, tried
 from cruise.validation.candidates import UNNAMED
 from cruise.validation.confidence import answer_of, confidence_of, margin_of_the_end
 from cruise.validation.diagnose import Verdict, diagnose
@@ -41,8 +41,8 @@ def word_of(first: Step, chosen: float, left: float, sure: float = 0.0) -> tuple
     """The curve that has the word where the effects leave a loss `left`, above its own by so many standard errors."""
     present = replace(first.before, raw=first.before.raw * left / first.before.loss)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(selection, "sureness", lambda *_: sure)
-        return selection._curve(first, chosen, present)
+        patch.setattr(curves, "sureness", lambda *_: sure)
+        return curves.curve_with_the_word(first, chosen, present)
 
 
 def test_a_curve_that_leaves_far_less_error_has_the_word_with_as_much_evidence(unlisted):
@@ -101,7 +101,7 @@ def test_a_cause_that_no_effect_knows_has_the_word_before_the_witness_of_all_tha
 
 
 def test_a_curve_that_explains_less_needs_evidence_that_no_soil_has(unlisted):
-    least, evidence, sure = selection.PLAINLY_CURVED
+    least, evidence, sure = curves.PLAINLY_CURVED
     first = unlisted.steps[0]
     curve = replace(first.tried[0], gain=1.01 * least, evidence=1.01 * evidence, sureness=1.01 * sure, credit=1.0)
 
@@ -111,7 +111,7 @@ def test_a_curve_that_explains_less_needs_evidence_that_no_soil_has(unlisted):
     assert word() is not None
     for less in ({"gain": 0.99 * least}, {"evidence": 0.99 * evidence}, {"sureness": 0.99 * sure}):
         assert word(**less) is None
-    assert word(gain=1.01 * selection.LEAST_CURVED, evidence=0.99 * evidence, sureness=0.99 * sure) is not None
+    assert word(gain=1.01 * curves.LEAST_CURVED, evidence=0.99 * evidence, sureness=0.99 * sure) is not None
 
 
 def test_a_curve_that_leaves_nothing_but_noise_need_not_leave_much_less_than_effects_that_surely_leave_more(unlisted):
@@ -135,7 +135,7 @@ def test_a_curve_that_errs_less_only_by_a_little_of_something_else_has_no_word(d
     def more(signal: str, left: float, credit: float = 1.0, of_curve: float = 1.0) -> bool:
         curve = replace(rest, name=f"{UNNAMED}{signal}", judged=replace(rest.judged, raw=of_curve * rest.judged.raw))
         friction = replace(rest, credit=credit, judged=replace(rest.judged, raw=left * rest.judged.raw))
-        return selection._is_more_than_the_curve(curve, ("dead_zone",), replace(last, tried=(friction,)))
+        return curves.effects_are_more(curve, ("dead_zone",), replace(last, tried=(friction,)))
 
     assert more(INPUT, LOOSE - 0.01)
     assert not more(INPUT, LOOSE + 0.01)
@@ -364,13 +364,13 @@ def test_an_effect_that_is_nearly_enough_is_named_as_nothing_would_hardly_be_bel
 
 
 def test_a_curve_of_the_speed_is_the_effects_that_are_a_law_of_the_speed_alone():
-    mine = {name for name in EFFECTS if selection._of_the_same(name, SPEED)}
+    mine = {name for name in EFFECTS if curves.of_the_same(name, SPEED)}
     assert mine == {"coulomb_friction", "speed_droop"}
-    assert {name for name in EFFECTS if selection._of_the_same(name, "engine_load_pct")} == {
+    assert {name for name in EFFECTS if curves.of_the_same(name, "engine_load_pct")} == {
         "engine_droop",
         "crop_load",
     }
-    assert not any(selection._of_the_same(name, OUTPUT) for name in EFFECTS)
+    assert not any(curves.of_the_same(name, OUTPUT) for name in EFFECTS)
 
 
 def test_what_acts_on_the_command_beside_hysteresis_must_be_more_than_its_form():

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from cruise.model.prediction import lagged
-from cruise.recording import Recording
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +50,7 @@ def accuracy(measured_mps: Sequence[np.ndarray], predicted_mps: Sequence[np.ndar
     )
 
 
-def persistence(recordings: Sequence[Recording], horizon_s: float) -> Accuracy:
-    """What the simplest predictor reaches: the speed stays as it was `horizon_s` ago."""
-    shown = [lagged(one.output, max(round(horizon_s / one.dt_s), 1)) for one in recordings]
-    return accuracy([one.output for one in recordings], shown)
+def persistence(measured_mps: Sequence[np.ndarray], predicted_mps: Sequence[np.ndarray], horizon: int) -> Accuracy:
+    """What the simplest predictor reaches on the samples that were predicted: the speed is that of `horizon` ago."""
+    same = [np.where(np.isfinite(said), y, np.nan) for y, said in zip(measured_mps, predicted_mps, strict=True)]
+    return accuracy(same, [lagged(y, horizon) for y in measured_mps])

@@ -135,7 +135,7 @@ def identify(
         held_out=held_out,
         refused=refused,
         free_run=accuracy(measured, [fitted.free_run(one, validation) for one in prepared]),
-        persistence=persistence(prepared, horizon_s),
+        persistence=persistence(measured, measured if fitted.unstable else predicted, horizon),
         whiteness=whiteness([y - p for y, p in zip(measured, one_ahead, strict=True)], _fed_back(structure)),
         predicted_mps=tuple(predicted),
     )

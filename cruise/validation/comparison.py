@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from cruise.identification.accuracy import Accuracy, accuracy
+from cruise.identification.accuracy import Accuracy, accuracy, persistence
 from cruise.identification.armax import Armax
 from cruise.identification.arx import Arx
 from cruise.identification.families import Identified, Linear
@@ -26,7 +26,6 @@ from cruise.identification.regressors import SAME_PERIOD, FitError, Smooth, chec
 from cruise.identification.shapes import HORIZON_S
 from cruise.identification.structures import Family, Structure
 from cruise.model.model import Model
-from cruise.model.prediction import lagged
 from cruise.recording import Recording
 
 TAKEN: Final = "taken as it is, nothing was fitted"
@@ -110,7 +109,6 @@ def compare(
         raise FitError(
             f"no sample has {horizon_s:g} s of whole recording before it: record for longer, or look less far"
         )
-    same = [np.where(np.isfinite(speed), y, np.nan) for speed, y in zip(ahead, measured, strict=True)]
     return Comparison(
         structure=structure,
         fitted=fitted,
@@ -123,7 +121,7 @@ def compare(
         free_run_mps=tuple(free),
         ahead=judged,
         free_run=accuracy(measured, free),
-        persistence=accuracy(same, [lagged(y, horizon) for y in measured]),
+        persistence=persistence(measured, ahead, horizon),
     )
 
 

@@ -93,6 +93,7 @@ def test_json_is_json_and_nothing_else(verb, tables):
     assert all(one["standard_error"] > 0.0 for one in found["parameters"].values())
     for name in ("held_out", "training", "free_run", "persistence"):
         assert found[name]["samples"] > 500
+    assert found["persistence"]["samples"] == found["training"]["samples"]
     assert found["held_out"]["explained_pct"] > 80.0 > found["persistence"]["explained_pct"]
     assert (found["model_file"], found["doubts"]) == (None, [])
 

@@ -84,12 +84,14 @@ def test_the_effects_are_searched_with_and_written_out(verb, tmp_path):
         ),
         ("one.csv --picture .", "--picture .: let the name end in .png"),
         ("still.csv", "none of 120 structures can be judged; the first one: the input does not excite the drive"),
+        ("short.csv", "none of 120 structures can be judged; the first one: nothing is left to fit: record for longer"),
         ("none.csv", "none.csv: no such file"),
     ],
 )
 def test_a_mistake_gets_one_clear_line(verb, table, words, says):
     one = SYSTEMS["arx"].record(1)
     write_csv(recording(np.full(len(one), 700.0), one.output), table / "still.csv")
+    write_csv(one[:10], table / "short.csv")
     code, out, err = verb("orders", *words.split())
     assert (code, out) == (2, "")
     assert says in err

@@ -84,6 +84,10 @@ class Expression:
     names: tuple[str, ...]
     _evaluate: _Evaluate = field(repr=False, compare=False)
 
+    def __reduce__(self) -> tuple[Callable[[str], "Expression"], tuple[str]]:
+        """To another process it goes as its text, and is read again there."""
+        return read, (self.text,)
+
     def __call__(self, values: Mapping[str, Value]) -> Value:
         """The value, elementwise: a float of floats; NaN where one of the names has none."""
         with np.errstate(all="ignore"):

@@ -1,6 +1,7 @@
 """The user's own term: an effect like any other, in models, searches and structures."""
 
 import math
+import pickle
 
 import numpy as np
 import pytest
@@ -179,3 +180,13 @@ def test_a_misspelt_signal_is_named_with_what_was_meant():
     model = Model(0.2, 1, 1, 1, (term,), (0.0, 0.0, 0.0))
     with pytest.raises(FitError, match=r"header_heigth_mm.*did you mean header_height_mm\?"):
         checked_signals(model, driven(60))
+
+
+def test_a_term_that_was_evaluated_goes_to_another_process():
+    term = HEADER.reshaped(p1=0.5)
+    signals = {"header_height_mm": 400.0}
+    before = term.step(1.0, 0.0, signals, None, 0.2)
+    assert term.needs == ("header_height_mm",)
+    carried = pickle.loads(pickle.dumps(term))
+    assert carried == term
+    assert carried.step(1.0, 0.0, signals, None, 0.2) == before

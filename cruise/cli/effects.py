@@ -2,6 +2,7 @@
 
 import difflib
 import json
+import re
 import textwrap
 from pathlib import Path
 from typing import Annotated, Any, Final
@@ -30,6 +31,11 @@ STAGES: Final = {
 CUSTOM: Final = Custom(  # the user's own terms are explained by one of them
     "custom", Stage.GAIN, "1 + p1 * (pitch_deg - 2) * engine_load_pct", bounds=(("p1", -0.001, 0.001),)
 )
+LEFT_SIDES: Final = {
+    "gain": "g factor on the drive, ",
+    "load": "phi the force's term, which has a coefficient in the model, ",
+}
+APART: Final = re.compile(r" {3,}")  # between two equations of a line
 WIDTH: Final = 80  # columns of running text; longer lines are tiring to read
 NAMES_WIDTH, NEEDS_WIDTH = 29, 17  # columns of the list
 
@@ -77,6 +83,7 @@ def report(effect: Effect) -> dict[str, Any]:
         "what": headline(effect),
         "physics": about.physics,
         "equation": about.equation,
+        "in_full": in_full(effect),
         "symbols": symbols(effect),
         "source": about.source,
         "needs": list(effect.needs),
@@ -93,9 +100,15 @@ def report(effect: Effect) -> dict[str, Any]:
 
 
 def symbols(effect: Effect) -> str:
-    """What the symbols of the equation mean, with their units: the module's text between equation and source."""
+    """What the symbols of the equations mean, with their units: the module's text between equation and source."""
     told = [" ".join(text.split()) for text in paragraphs(effect)[1:] if not text.startswith(" ")]
-    return " ".join(told).partition("Source:")[0].strip()
+    return LEFT_SIDES.get(effect.acts_as, "") + " ".join(told).partition("Source:")[0].strip()
+
+
+def in_full(effect: Effect) -> list[str]:
+    """The equations as they are computed: those of the module, one a line."""
+    lines = (line for text in paragraphs(effect)[1:] if text.startswith(" ") for line in text.splitlines())
+    return [one.strip(" ,") for line in lines for one in APART.split(line.strip())]
 
 
 def bounds(one: Parameter) -> str:
@@ -128,6 +141,7 @@ def _explain(effect: Effect, drawn: Path | None) -> None:
     console.print()
     for line in textwrap.wrap(about.equation, WIDTH - 4, break_on_hyphens=False):
         console.print(f"    {line}")
+    _part(console, "in full", in_full(effect))
     _paragraph(console, symbols(effect))
     _part(console, "source", [about.source])
     needed = [f"{name}: {_meaning(name)}" for name in effect.needs]
@@ -150,7 +164,7 @@ def _meaning(signal: str) -> str:
 
 def _paragraph(console: Console, text: str) -> None:
     console.print()
-    console.print(textwrap.fill(text, min(WIDTH, console.width)))
+    console.print(textwrap.fill(text, min(WIDTH, console.width), break_on_hyphens=False))
 
 
 def _part(console: Console, title: str, entries: list[str]) -> None:
@@ -158,5 +172,8 @@ def _part(console: Console, title: str, entries: list[str]) -> None:
     if entries:
         console.print()
     for entry, word in zip(entries, [title, *[""] * len(entries)], strict=False):
-        text = textwrap.fill(entry, min(WIDTH, console.width), initial_indent=f"{word:12}", subsequent_indent=" " * 12)
+        width, indent = min(WIDTH, console.width), " " * 12
+        text = textwrap.fill(
+            entry, width, initial_indent=f"{word:12}", subsequent_indent=indent, break_on_hyphens=False
+        )
         console.print(text)

@@ -4,12 +4,12 @@
     D = |v| through three lags of tau_d / 3
     V_k = V_(k-1) + (1 - q^alpha) (D_k - V_(k-1)),   q = exp(-T / tau_v)
 
-alpha factor on the poles (y_k = alpha f + (1 - alpha) y_(k-1), equation 12 of the paper), p braking pace without unit,
-w share of braking, v drive signal in mA, D what of it has arrived after the delay and lags tau_d, V a copy of the
-vehicle, in mA, that follows with tau_v and brakes as the machine does, band = 20 mA, T period in s, r greatest fall in
-mA/s: a machine that nothing brakes loses no more speed than rolling takes, however far the pump is brought back.
-Source: section I of Coen et al. 2005 ("the machine is able to brake actively"), equation 12; the form of w is an
-assumption of this program.
+y speed in m/s, alpha factor on the poles (y_k = alpha f + (1 - alpha) y_(k-1), equation 12 of the paper), p braking
+pace without unit, w share of braking, which t brings in smoothly, v drive signal in mA, D what of it has arrived after
+the delay and lags tau_d, V a copy of the vehicle, in mA, that follows with tau_v (q of it is left after T) and brakes
+as the machine does, band = 20 mA, T period in s, r greatest fall in mA/s: a machine that nothing brakes loses no more
+speed than rolling takes, however far the pump is brought back. Source: section I of Coen et al. 2005 ("the machine is
+able to brake actively"), equation 12; the form of w is an assumption of this program.
 """
 
 import math

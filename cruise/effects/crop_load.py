@@ -8,13 +8,13 @@ proportion, more for an engine that lugs the more the more it carries, the same 
 percent of the torque available at this speed, y ground speed in m/s; l_0 in % is what engine, drum and fans take while
 nothing is cut, r in % per m/s and q in % per m2/s3 are what of the load the drive itself makes, rolling and
 accelerating, or k in % per bar m/s where the line pressure dp in bar (+ driving forward) is recorded, which shows soil,
-too; k and p_0, pressure in bar along the motion while nothing holds the machine, are told by the signals alone; what
-is taken so is felt through a low-pass of tau in s; c_1 is what the governor takes without giving way; x share of the
-loss that acts, as of any dry resistance (coulomb_friction), y_c speed in m/s at which all of it is there within a
-sample, h = exp(-T / 0.9 s) its memory: crop holds the machine back whichever way it goes and moves none that stands;
-the last factor as in `stroke`, q_s 1 where the pump turns as much more slowly as the engine gives way.
-Source: sections V.B and VI of Coen et al. 2005 ("in field conditions, where the engine faces higher loads"); the power
-of the load is an assumption of this program.
+too; k and p_0, pressure in bar along the motion while nothing holds the machine, are told by the signals alone; what is
+taken so is felt through a low-pass of tau in s; c_1 is what the governor takes without giving way; x share of the loss
+that acts, as of any dry resistance (coulomb_friction), y_c speed in m/s at which all of it is there within a sample, h
+= exp(-T / 0.9 s) its memory: crop holds the machine back whichever way it goes and moves none that stands; q_s how far
+the loss grows with the speed (`stroke`, v_0 = 1.5 m/s), 1 where the pump turns as much more slowly as the engine gives
+way. Source: sections V.B and VI of Coen et al. 2005 ("in field conditions, where the engine faces higher loads"); the
+power of the load is an assumption of this program.
 """
 
 import math

@@ -5,13 +5,14 @@
     h(u_k) = u_k x_k,   x_k = min(max(x_(k-1), q(u_0)), q(b u_0))                  r -> 0: u beyond the threshold
     q(v) = 1 / (1 + exp((v - |u_k|) / r)),   r = max(s, 2 mA)
 
-u solenoid current in mA, u_0 threshold in mA, s width of its edge in mA, u_0 / 4 at most: spools have notches that
-open gradually, and where the edge is as wide as the zone there is no zone left but a curved gain. j share of what the
-zone takes that comes back at its edge: 0 for overlap, 1 for a detent, or a valve driver that ignores small commands.
-x how far a detent is open; b of the threshold, at which it closes again: less than 1 for what sticks until it breaks
-away, all at once (r is u_0 / 16 at most there), and for a driver with two limits.
-Source: section IV.C and Fig. 4 of Coen et al. 2005 ("a dead zone visible for small and large currents"); proportional
-pump controls of this class start at about a third of full current.
+u solenoid current in mA, f what acts in mA: g what overlap lets through and h what a detent does; u_0 threshold in mA,
+s width of its edge in mA, u_0 / 4 at most: spools have notches that open gradually, and where the edge is as wide as
+the zone there is no zone left but a curved gain. j share of what the zone takes that comes back at its edge: 0 for
+overlap, 1 for a detent, or a valve driver that ignores small commands. x how far a detent is open, q(v) how far |u| is
+beyond v, 0 to 1 over a width of r; b of the threshold, at which it closes again: less than 1 for what sticks until it
+breaks away, all at once (r is u_0 / 16 at most there), and for a driver with two limits. Source: section IV.C and Fig.
+4 of Coen et al. 2005 ("a dead zone visible for small and large currents"); proportional pump controls of this class
+start at about a third of full current.
 """
 
 import math

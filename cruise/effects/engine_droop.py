@@ -3,11 +3,11 @@
     g = 1 - delta x / 100, from 0.2 to 1.8,   x = max(L_f - L_0, 0) less what the governor has made up for
     L_f is L through a low-pass of tau, what has been made up for is max(L_f - L_0, 0) through one of 1 / r
 
-L engine torque in percent of the torque available at this speed, delta share of the speed that is lost from none to
-full load, L_0 in % load up to which the governor holds the speed, tau s in which the crankshaft follows its load,
-r 1/s at which an isochronous governor brings the speed back; 0 where it doesn't.
-Source: ISO 3046-4 (speed droop of a governed engine); SAE J1939-71, SPN 92 (the signal). Electronic governors hold 0 to
-5 %, mechanical ones up to 8 %; more is an engine that is lugged down its full-load curve.
+L engine torque in percent of the torque available at this speed, L_f what the crankshaft has felt of it, x what slows
+it down, delta share of the speed that is lost from none to full load, L_0 in % load up to which the governor holds the
+speed, tau s in which the crankshaft follows its load, r 1/s at which an isochronous governor brings the speed back; 0
+where it doesn't. Source: ISO 3046-4 (speed droop of a governed engine); SAE J1939-71, SPN 92 (the signal). Electronic
+governors hold 0 to 5 %, mechanical ones up to 8 %; more is an engine that is lugged down its full-load curve.
 """
 
 import math

@@ -3,13 +3,13 @@
     g(i) = v_max,i / v_max,2        alpha(i) = min(1, (v_max,2 / v_max,i)^e)
 
 v_max,i top speed in gear i in m/s at rated engine speed; alpha slows the poles (y_k = alpha f(u, y) + (1 - alpha)
-y_(k-1)). Source: equations 10 to 12 of Coen et al. 2005: preservation of power gives alpha with e = 2 for gears 3 and
-4, and first gear reaches its top speed in the same time as second, which is alpha = 1. How much of the inertia lies
-before the gearbox the data say: e = 0 is a machine that is as quick in every gear. A gearbox that shifts under way
-interrupts the traction: with the shift g loses a share q, and comes from there to the next ratio through a low-pass of
-tau. Where a model has the lags of its servo apart from how the drive yields, g^e is how much more it yields than in
-second gear, in every gear: a force at the wheels is g times as much at the motor, and what the motor loses g times as
-much at the wheels.
+y_(k-1)), e the power by which it does: preservation of power gives 2 for gears 3 and 4, and first gear reaches its top
+speed in the same time as second, which is alpha = 1. How much of the inertia lies before the gearbox the data say: e =
+0 is a machine that is as quick in every gear. A gearbox that shifts under way interrupts the traction: with the shift g
+loses a share q, and comes from there to the next ratio through a low-pass of tau. Where a model has the lags of its
+servo apart from how the drive yields, g^e is how much more it yields than in second gear, in every gear: a force at the
+wheels is g times as much at the motor, and what the motor loses g times as much at the wheels. Source: equations 10 to
+12 of Coen et al. 2005.
 """
 
 import math

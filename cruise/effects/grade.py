@@ -1,10 +1,12 @@
 """Grade: on a slope, a part of the machine's weight pulls along the ground.
 
     phi = -h p (1 + s (m / m_0 - 1)) (1 + q (|v| / v_0 - 1)),   h = d downhill (p v < 0), else 1
+    p = g_n sin(alpha) - r dv/dt, through a low-pass of tau
 
-p slope less r times the acceleration, in m/s2 through a low-pass of tau as in `pull`, r what of it the pitch sensor
-takes for slope; m mass in kg (m_0 where it is not measured), m_0 = 15000 kg, s share of the mass; the last factor as in
-`stroke`, v in m/s through the same low-pass, + forward; d what a slope does downhill over what it does uphill, where a
+alpha pitch (+ uphill), g_n = 9.81 m/s2, p slope less acceleration in m/s2, seen through a low-pass of tau in s, r what
+of the acceleration the pitch sensor takes for slope (`pull` in steps); m mass in kg (m_0 where it is not measured), m_0
+= 15000 kg, s share of the mass; q how far the loss grows with the speed (`stroke`), v_0 = 1.5 m/s, v measured speed in
+m/s through the same low-pass, + forward; h = d downhill: what a slope does there over what it does uphill, where a
 brake valve holds the machine back. Source: equations 2 and 9 and Table VI of Coen et al. 2005: F_G = m g sin(alpha).
 """
 

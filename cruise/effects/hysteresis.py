@@ -5,11 +5,11 @@
 
 u solenoid current in mA, f what acts in mA, x the play operator, which depends on the path of the current and not on
 its speed, w width of its band in mA, c share of the current that it holds back: 1 for slack, less for friction in
-something elastic (the simplest Prandtl-Ishlinskii operator). z share of the band that is closed where no current flows:
-0 where nothing closes it, 1 where springs hold the spool in its middle then, wherever it came from. Source: M. Brokate,
-J. Sprekels, Hysteresis and Phase Transitions (1996), ch. 2; section I.A of Coen et al. 2005 ("the hydrostatic pump
-shows a static hysteresis"); data sheets of proportional valves without position feedback state 3 to 8 % of the range,
-25 to 65 mA of 800 mA.
+something elastic (the simplest Prandtl-Ishlinskii operator). e how far f may be from u at most, z share of the band
+that is closed where no current flows: 0 where nothing closes it, 1 where springs hold the spool in its middle then,
+wherever it came from. Source: M. Brokate, J. Sprekels, Hysteresis and Phase Transitions (1996), ch. 2; section I.A of
+Coen et al. 2005 ("the hydrostatic pump shows a static hysteresis"); data sheets of proportional valves without position
+feedback state 3 to 8 % of the range, 25 to 65 mA of 800 mA.
 """
 
 import math

@@ -3,12 +3,13 @@
     phi = -p / 100 bar P^(e - 1) F^h (1 + q (|v| / v_0 - 1)),   P^2 = (p^2 + p_0^2) / ((100 bar)^2 + p_0^2)
     p = sign(dp) max(|dp| - p_s, 0)
 
-dp pressure difference of the lines in bar (+ driving forward), e its power: 1/2 through sharp orifices, 1 through
-narrow gaps, more where the pressure widens them; p_0 = 20 bar rounds the root at no pressure; p_s pressure in bar below
-which nothing leaks, as through a relief valve that weeps. F = exp((T - 50 degC) / 33 K) fluidity of the oil at its
-temperature T, h its power: 1 in narrow gaps, 0 where orifices are sharp, or T is not recorded or stays. The last factor
-is as in `stroke`. Source: leakage of hydrostatic machines, Merritt, Hydraulic Control Systems, Wiley 1967, chapters 2
-(orifices) and 4 (Q_l = C dp, laminar).
+dp pressure difference of the lines in bar (+ driving forward), p what of it leaks and P its size over 100 bar, e its
+power: 1/2 through sharp orifices, 1 through narrow gaps, more where the pressure widens them; p_0 = 20 bar rounds the
+root at no pressure; p_s pressure in bar below which nothing leaks, as through a relief valve that weeps. F = exp((T -
+50 degC) / 33 K) fluidity of the oil at its temperature T, h its power: 1 in narrow gaps, 0 where orifices are sharp, or
+T is not recorded or stays. q how far the loss grows with the speed (`stroke`), v measured speed in m/s, v_0 = 1.5 m/s.
+Source: leakage of hydrostatic machines, Merritt, Hydraulic Control Systems, Wiley 1967, chapters 2 (orifices) and 4
+(Q_l = C dp, laminar).
 """
 
 import math

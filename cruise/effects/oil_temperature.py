@@ -4,10 +4,11 @@
     alpha(T) = min(F^e, 2),   F = exp((T - 50 degC) / 33 K)
 
 T oil temperature in degC, F fluidity over that at 50 degC, lambda share of the flow that leaks there: laminar leakage
-goes by F. delta share of the speed that the drag of thick oil takes at 50 degC, in gaps, lines and bearings: it goes by
-1 / F, up to the temperature T_w from which it takes no more: until then, say, the charge pump cannot fill the cylinders
-with oil so thick. alpha pace of the poles (y_k = alpha f(u, y) + (1 - alpha) y_(k-1)), e power of the fluidity by which
-they are quicker: 0 where orifices are sharp and turbulent, 1 where all of it is laminar.
+goes by F. d thickness over that at 50 degC less 1, delta share of the speed that the drag of thick oil takes at 50
+degC, in gaps, lines and bearings: it goes by 1 / F, up to the temperature T_w from which it takes no more: until then,
+say, the charge pump cannot fill the cylinders with oil so thick. alpha pace of the poles (y_k = alpha f(u, y) + (1 -
+alpha) y_(k-1)), e power of the fluidity by which they are quicker: 0 where orifices are sharp and turbulent, 1 where
+all of it is laminar.
 
 Source: H.E. Merritt, Hydraulic Control Systems (1967), ch. 2 to 4 (viscosity; flow through orifices; laminar leakage of
 pumps and motors).

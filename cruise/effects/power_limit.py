@@ -7,16 +7,18 @@
 
 P_0 power in kW that the drive would have to give if nothing were taken back: v speed one sample ago in m/s, s what of
 it the limit has left, as the vehicle follows it within tau_v, so that w is the speed without the limit. m mass in kg
-(15 000 kg where not measured), p pull of the slope in m/s2 as in `pull`: what of it is acceleration acts on the pump's
-pressure only as far as the control is as quick, so share and low-pass are found from the data; g_n = 9.81 m/s2, c_r
-rolling resistance (0.02 on concrete to 0.12 on soft soil, found from the data), P_max in kW. How hard it holds is h: 1
-keeps the power, v = P_max / F with F the force, less is a softer control. What else the engine drives leaves less of
-its power for the wheels: L engine load in percent, a the share of P_max that a full load takes. dp line pressure in bar
-(+ driving forward), which shows soil and whatever else holds the machine, p_0 in bar along the motion where nothing
-does, kappa in kN per bar: 0 leaves the pressure alone. A pressure cut-off, which sees the higher one of the lines,
-destrokes the pump from p_c in bar on, by a share b per bar (600 bar is never reached). An electronic limit, which keeps
-the engine from stalling, cuts a share c of the stroke while the engine is overloaded, whatever loads it, and gives it
-back slowly: L_0 load from which it cuts (200 is never reached), k share per second and percent, tau_c in s.
+(15 000 kg where not measured), p pull of the slope in m/s2: 9.81 m/s2 times the sine of the pitch alpha, less r times
+the acceleration dv/dt, which the pitch sensor takes for slope, through a low-pass of tau; what of it is acceleration
+acts on the pump's pressure only as far as the control is as quick, so r and tau are found from the data; g_n = 9.81
+m/s2, c_r rolling resistance (0.02 on concrete to 0.12 on soft soil, found from the data), P_max in kW. g_p is what this
+limit leaves and g_c what the cut-off does. How hard it holds is h: 1 keeps the power, v = P_max / F with F the force,
+less is a softer control. What else the engine drives leaves less of its power for the wheels: L engine load in percent,
+a the share of P_max that a full load takes. dp line pressure in bar (+ driving forward), which shows soil and whatever
+else holds the machine, p_0 in bar along the motion where nothing does, kappa in kN per bar: 0 leaves the pressure
+alone. A pressure cut-off, which sees the higher one of the lines, destrokes the pump from p_c in bar on, by a share b
+per bar (600 bar is never reached). An electronic limit, which keeps the engine from stalling, cuts a share c of the
+stroke while the engine is overloaded, whatever loads it, and gives it back slowly: L_0 load from which it cuts (200 is
+never reached), k share per second and percent, tau_c in s.
 
 Source: data sheets of axial piston pumps with torque (power) control, pressure times displacement is held, and with
 pressure cut-off; J.Y. Wong, Theory of Ground Vehicles (2008), ch. 2 (motion resistance of soil); section V.A of Coen et

@@ -2,13 +2,13 @@
 
     f(u) = v (1 + q s) / (1 + r s^2),   s = |v| / u_ref,   v = u [((u / u_ref)^2 + e^2) / (1 + e^2)]^((n - 1) / 2)
 
-u current beyond the dead zone in mA, u_ref = 1000 mA, q curvature and r bend, both without unit: r = 0 is the parabola
-of section IV.C of Coen et al. 2005 ("in between there seems to be a quadratic relationship between input current and
-ground speed"). A servo that is metered by a half bridge follows x^2 / (1 + x^2), x its opening over that of the fixed
-orifice: a parabola that bends back as x nears 1, which is f for a large q, with r = x^2 at u_ref. n power of the
-current, 1 for none: notches of a spool open by a power of their own, less than 1 where most is there at once and hardly
-more, as a high power would be a dead zone; e = 0.01, below which it is a straight line. Source: M. Jelali, A. Kroll,
-Hydraulic Servo-systems (2003), ch. 4.
+u current beyond the dead zone in mA, u_ref = 1000 mA, v the current to the power of n and s = |v| / u_ref, q curvature
+and r bend, both without unit: r = 0 is the parabola of section IV.C of Coen et al. 2005 ("in between there seems to be
+a quadratic relationship between input current and ground speed"). A servo that is metered by a half bridge follows x^2
+/ (1 + x^2), x its opening over that of the fixed orifice: a parabola that bends back as x nears 1, which is f for a
+large q, with r = x^2 at u_ref. n power of the current, 1 for none: notches of a spool open by a power of their own,
+less than 1 where most is there at once and hardly more, as a high power would be a dead zone; e = 0.01, below which it
+is a straight line. Source: M. Jelali, A. Kroll, Hydraulic Servo-systems (2003), ch. 4.
 """
 
 import math

@@ -2,9 +2,9 @@
 
     G(s) = w^2 / (s^2 + 2 z w s + w^2)     so that     na + 2
 
-w natural frequency in rad/s, z damping ratio. It is an effect of *structure*: two more coefficients a_i hold the pair
-of complex poles, `restructured` gives the orders of the model that has it. Source: Merritt, Hydraulic Control Systems,
-Wiley 1967, chapter 6 (oil column against inertia).
+G(s) from the drive to the speed, w natural frequency in rad/s, z damping ratio. It is an effect of *structure*: two
+more coefficients a_i hold the pair of complex poles, `restructured` gives the orders of the model that has it. Source:
+Merritt, Hydraulic Control Systems, Wiley 1967, chapter 6 (oil column against inertia).
 """
 
 from dataclasses import dataclass

@@ -2,9 +2,9 @@
 
     f(u) = sign(u) [ |u| - s ln(1 + exp((|u| - u_1) / s)) + s ln(1 + exp(-u_1 / s)) ],   s -> 0: sign(u) min(|u|, u_1)
 
-u solenoid current in mA, u_1 current of full stroke in mA, s width of the knee in mA: the servo's spring and the flow
-forces soften the stop. The last term leaves nothing at no current. Source: section IV.C and Fig. 4 of Coen et al. 2005
-("a dead zone visible for small and large currents"); proportional pump controls of this class reach full stroke at
+u solenoid current and f what acts in mA, u_1 current of full stroke in mA, s width of the knee in mA: the servo's
+spring and the flow forces soften the stop. At no current nothing acts. Source: section IV.C and Fig. 4 of Coen et al.
+2005 ("a dead zone visible for small and large currents"); proportional pump controls of this class reach full stroke at
 about nine tenths of full current.
 """
 

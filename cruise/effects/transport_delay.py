@@ -2,9 +2,10 @@
 
     y_k = ... + sum_j b_j f(u)_(k-d-D-j) ,   D = round(theta / T)
 
-d delay of the model without this effect in samples, theta further delay in s, T period in s. It is an effect of
-*structure*: it has no term of its own, `restructured` gives the delay of the model that has it. Source: Table I of Coen
-et al. 2005, 0.5 s from current to speed; section IV.B on what a wrong delay does.
+y speed in m/s, f(u) what acts of the current in mA and b_j its taps, d delay of the model without this effect in
+samples, theta further delay in s and D in samples, T period in s. It is an effect of *structure*: it has no term of its
+own, `restructured` gives the delay of the model that has it. Source: Table I of Coen et al. 2005, 0.5 s from current to
+speed; section IV.B on what a wrong delay does.
 """
 
 from dataclasses import dataclass

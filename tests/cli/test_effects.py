@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cruise.cli import effects_picture
-from cruise.cli.effects import CUSTOM, STAGES, bounds, headline, symbols
+from cruise.cli.effects import CUSTOM, STAGES, bounds, headline, in_full, symbols
 from cruise.cli.effects_courses import COURSES
 from cruise.effects import EFFECTS, Stage
 from cruise.signals import SIGNALS
@@ -62,6 +62,23 @@ def test_headline_and_symbols_are_found_in_the_module(name):
     assert headline(ALL[name]).lower().replace(" ", "_").startswith(name)
     assert len(symbols(ALL[name])) > 20
     assert "Source" not in symbols(ALL[name])
+
+
+UNITS = re.compile(r"\d ?(m/s2|m/s|kg|bar|degC|rpm|mA|K|%)(?![\w^])|in m/s|, a (?=[a-z])|through a ")
+SUBSCRIPTS = re.compile(r"_\(?k[^ ,)]*\)?")
+SYMBOL = re.compile(
+    r"(?<![\w,])((?:alpha|delta|kappa|lambda|tau|theta|phi|[A-Za-z])(?:_(?!\()[a-z0-9]+(?:,i)?)?)(?![A-Za-z])"
+)
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_every_symbol_of_the_equations_is_explained(verb, name):
+    effect, explained = ALL[name], symbols(ALL[name])
+    used = SYMBOL.findall(SUBSCRIPTS.sub("", UNITS.sub("0", " ; ".join([effect.about.equation, *in_full(effect)]))))
+    missing = {one for one in used if not re.search(rf"(?<!\w){re.escape(one)}(?!\w)", explained)}
+    assert not missing, "in an equation of `cruise effects`, and in no word about it"
+    told = joined(verb("effects", name)[1])
+    assert all(joined(one) in told for one in in_full(effect))
 
 
 def test_json_is_json_and_nothing_else(verb):

@@ -121,8 +121,12 @@ def too_slow(dt_s: float, period_s: float, what: str = "a model") -> str:
 
 
 def notes_of(recordings: Sequence[Recording]) -> list[str]:
-    """Return what was lost or mended in the recordings, under the names of their files."""
-    return [f"{Path(one.source).name}: {note}" for one in recordings for note in one.notes]
+    """Return what was lost or mended in the recordings, under the names of their files; once what is said of all."""
+    shared = set.intersection(*(set(one.notes) for one in recordings)) if len(recordings) > 1 else set()
+    of_all = [f"all recordings: {note}" for note in recordings[0].notes if note in shared] if shared else []
+    return of_all + [
+        f"{Path(one.source).name}: {note}" for one in recordings for note in one.notes if note not in shared
+    ]
 
 
 def input_unit_of(recordings: Sequence[Recording]) -> InputUnit:

@@ -33,7 +33,10 @@ def _not_everywhere(recordings: Sequence[Recording]) -> list[str]:
         lacking = [one.source for one in recordings if name not in one.columns]
         more = f" and {len(lacking) - SHOWN} more" if len(lacking) > SHOWN else ""
         if lacking:
-            notes.append(f"{name}: not in {listed(lacking[:SHOWN])}{more}{LEFT_OUT} of all: it can't be blamed")
+            those = "that one" if len(lacking) == 1 else "those"
+            notes.append(
+                f"{name}: not in {listed(lacking[:SHOWN])}{more}{LEFT_OUT} of all: it can't be blamed beside {those}"
+            )
     return notes
 
 

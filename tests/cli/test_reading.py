@@ -1,5 +1,7 @@
 """Which columns, which model and which numbers the command line means."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -104,7 +106,9 @@ def test_a_picture_that_can_not_be_written_is_the_option_s_fault(words, verb, tm
 def test_notes_stand_under_their_files_and_one_thing_is_no_plural():
     time_s = 0.2 * np.arange(20)
     one = Recording(time_s, {INPUT: time_s, OUTPUT: time_s}, 0.2, "/deep/folder/a.csv", ("gap of 3 s", "1 row lost"))
-    assert notes_of([one, one]) == ["a.csv: gap of 3 s", "a.csv: 1 row lost"] * 2
+    assert notes_of([one]) == ["a.csv: gap of 3 s", "a.csv: 1 row lost"]
+    other = replace(one, source="b.csv", notes=("2 rows lost", "gap of 3 s"))
+    assert notes_of([one, other]) == ["all recordings: gap of 3 s", "a.csv: 1 row lost", "b.csv: 2 rows lost"]
     assert [reading.count_of(n, "recording") for n in (0, 1, 2)] == ["0 recordings", "1 recording", "2 recordings"]
 
 

@@ -53,7 +53,8 @@ def test_what_some_recordings_lack_is_said_with_their_names():
     assert set(one.columns) == {INPUT, OUTPUT}
     assert one.notes == other.notes
     assert one.notes == tuple(
-        f"{name}: not in b.csv, left out of all: it can't be blamed" for name in ("oil_temperature_c", "pitch_deg")
+        f"{name}: not in b.csv, left out of all: it can't be blamed beside that one"
+        for name in ("oil_temperature_c", "pitch_deg")
     )
     assert why_not(EFFECTS["grade"], [one, other]) == "pitch_deg is not recorded throughout: not in b.csv"
     assert why_not(EFFECTS["engine_speed"], [one, other]) == "engine_speed_rpm is not recorded"

@@ -58,7 +58,7 @@ def sentence(found: Diagnosis) -> str:
             )
         case Verdict.UNLISTED:
             best = evidence.best_named(found)
-            rival = f"; the likeliest effect, `{best.name}`, leaves {_error(best.judged)}" if best else ""
+            rival = f"; the likeliest effect, `{best.name}`, leaves {_error(best.judged)} m/s" if best else ""
             if found.untold:
                 noise_mps = math.sqrt(found.steps[0].background.noise)
                 far = "far " if math.sqrt(found.base.loss) > FAR * noise_mps else ""
@@ -212,8 +212,8 @@ def _instead(found: Diagnosis) -> list[str]:
         return []
     alone = [one for one in found.steps[0].tried if one.name in MEDIATORS and one.name not in found.effects]
     return [
-        f"`{one.name}` alone leaves {_error(one.judged)} m/s, {_all(found.effects)} {_error(found.final)}: it stands "
-        f"for every force that the drive feels, so that these recordings can't say whether "
+        f"`{one.name}` alone leaves {_error(one.judged)} m/s, {_all(found.effects)} {_error(found.final)} m/s: it "
+        f"stands for every force that the drive feels, so that these recordings can't say whether "
         f"{'that force slows' if len(found.effects) == 1 else 'those forces slow'} the machine through it. To tell: "
         f"{EFFECTS[one.name].about.experiment}."
         for one in alone

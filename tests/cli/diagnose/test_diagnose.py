@@ -134,7 +134,7 @@ def test_the_first_by_evidence_is_called_likeliest_though_another_leaves_less(hi
     tried = tuple(less if one is rival else one for one in step.tried)
     found = replace(unlisted(hills), steps=(replace(step, tried=tried),))
     leaves = diagnosis.figure(evidence.error_mps(grade.judged))
-    assert f"; the likeliest effect, `grade`, leaves {leaves} (" in diagnosis.sentence(found)
+    assert f"; the likeliest effect, `grade`, leaves {leaves} m/s (" in diagnosis.sentence(found)
     monkeypatch.setattr(diagnose_words, "LINES", 1)
     assert f"and {len(found.ranking) - 1} effects more, with no more evidence" in said(capsys, found)
 

@@ -170,7 +170,10 @@ def floor_in_words(floor: NoiseFloor, compared: Comparison) -> list[str]:
             "of a dependence that boosting did not find."
         )
     if aside:
-        said.append(f"{listed(aside)}: left out, as nobody has said whether the drive moves it; diagnose looks at it.")
+        it = "it" if len(aside) == 1 else "them"
+        said.append(
+            f"{listed(aside)}: left out, as nobody has said whether the drive moves {it}; diagnose looks at {it}."
+        )
     gain = 1.0 - (floor.reached.value_mps / compared.ahead.rmse_mps) ** 2
     enough = floor.reached.high_mps < compared.ahead.rmse_mps
     said.append(

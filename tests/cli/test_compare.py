@@ -132,7 +132,7 @@ def test_names_in_brackets_are_names(verb, tables):
     assert code == 0
     flat = " ".join(out.split())
     assert "n [/min]" in flat or "slope [deg] -" in flat
-    assert "slope [deg], header_height, n [/min]: left out, as nobody has said whether the drive moves it" in flat
+    assert "slope [deg], header_height, n [/min]: left out, as nobody has said whether the drive moves them; " in flat
     assert "those signals" in flat or "is not noise" in flat
     assert verb("identify", "d[/x].csv", "--model", MODEL, "-o", "d[/m].yaml")[0] == 0
     assert verb("compare", "hills.csv", "--model", "d[/m].yaml")[0] == 0

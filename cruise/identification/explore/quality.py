@@ -23,12 +23,14 @@ from cruise.identification.explore.cross_correlation import CrossCorrelation
 from cruise.identification.explore.pieces import NotPossible, Piece, centred, pieces, unmoved
 from cruise.identification.explore.two_speeds import TwoSpeeds, two_speeds
 from cruise.model.prediction import runs
-from cruise.recording import Recording
+from cruise.recording import Recording, notes_of
 from cruise.sampling import FloatArray
 
 GAP_STEPS: Final = 1.5  # of the typical step: a longer one is a gap, not jitter
 AT_EXTREME: Final = 1e-3  # of the range: nearer to the extreme is at it
 CLIPPED_SHARE: Final = 0.01
+COARSE_SHARE: Final = 0.02  # of the range of the speed: of larger digits each holds for a while, and at the top
+SAME_DIGITS: Final = 6  # of a speed in m/s: what differs beyond is how a file was rounded
 STUCK_S: Final = 1.0  # s
 MOVED: Final = 0.05  # of the range of the current: more has moved the input
 HAMPEL_SAMPLES: Final = 5  # window of the running median: sees spikes of one or two samples
@@ -121,6 +123,8 @@ class Quality:
     input_share_at_high: float
     output_share_at_low: float
     output_share_at_high: float
+    output_digit_mps: float  # the least step between two speeds
+    output_digit_share: float  # of the range of the speed
     stuck: Stuck | None
     outliers: int
     outlier_times_s: FloatArray
@@ -139,13 +143,20 @@ class Quality:
         else:
             said.append(f"no gap in {self.samples} samples")
         said += self.jitter.words()
-        if self.output_share_at_high > CLIPPED_SHARE:
+        coarse = self.output_digit_share > COARSE_SHARE
+        if coarse:
+            said.append(
+                f"the speed comes in steps of {self.output_digit_mps:.2g} m/s, {100.0 * self.output_digit_share:.0f} % "
+                "of its range, and a smaller answer is not seen: record it with more digits, or by another sensor"
+            )
+        elif self.output_share_at_high > CLIPPED_SHARE:
             said.append(
                 f"the speed is at its highest value in {100.0 * self.output_share_at_high:.1f} % of the samples: the "
                 "sensor clips, or the drive is at its stop"
             )
         if self.stuck is not None and self.stuck.duration_s >= STUCK_S:
             stands = "it stands still (dead zone), or" if self.stuck.speed_mps == 0.0 else "the sensor hangs, or"
+            stands = f"its steps are that coarse, {stands}" if coarse else stands
             said.append(
                 f"the speed stays at {self.stuck.speed_mps:.3g} m/s for {self.stuck.duration_s:.3g} s from "
                 f"t={self.stuck.start_s:.6g} s while the current moves: {stands} its frames repeat"
@@ -177,17 +188,21 @@ def quality(
     current_ma = np.concatenate([piece.current_ma for piece in whole])
     speed_mps = np.concatenate([piece.speed_mps for piece in whole])
     outlier_times_s = _outliers(whole)
+    digit_mps = float(np.min(np.diff(np.unique(speed_mps.round(SAME_DIGITS))), initial=math.inf))
+    digit_mps = digit_mps if math.isfinite(digit_mps) else 0.0  # a speed that never moves has none
     return Quality(
         samples=samples,
         lost_samples=samples - len(speed_mps),
         longest_gap_s=max(gaps, default=0.0),
         pieces=len(whole),
-        notes=tuple(f"{recording.source}: {note}" for recording in recordings for note in recording.notes),
+        notes=tuple(notes_of(recordings)),
         jitter=jitter(raw_times_s),
         input_share_at_low=_share_at(current_ma, -1.0),
         input_share_at_high=_share_at(current_ma, 1.0),
         output_share_at_low=_share_at(speed_mps, -1.0),
         output_share_at_high=_share_at(speed_mps, 1.0),
+        output_digit_mps=digit_mps,
+        output_digit_share=digit_mps / float(np.ptp(speed_mps)) if digit_mps else 0.0,
         stuck=_stuck(whole, MOVED * float(np.ptp(current_ma))),
         outliers=len(outlier_times_s),
         outlier_times_s=outlier_times_s,

@@ -72,6 +72,19 @@ def test_a_sensor_that_clips_is_found():
     assert examined(u, y).output_share_at_high < 0.01
 
 
+def test_a_speed_in_coarse_digits_neither_hangs_nor_clips():
+    u, y = sound()
+    digit_mps = float(np.ptp(y)) / 4.0
+    found = examined(u, np.round(y / digit_mps) * digit_mps)
+    assert found.output_digit_mps == pytest.approx(digit_mps, abs=1e-6)
+    assert found.output_digit_share == pytest.approx(0.25, rel=1e-3)
+    words = " ".join(found.words())
+    assert f"the speed comes in steps of {digit_mps:.2g} m/s, 25 % of its range" in words
+    assert "clips" not in words
+    assert "while the current moves: the sensor hangs" not in words
+    assert "comes in steps" not in " ".join(examined(u, y).words())
+
+
 @pytest.mark.parametrize("std_mps", [0.002, 0.006, 0.02])
 @pytest.mark.parametrize("digit_mps", [0.001, 0.01, 0.1 / 3.6])
 def test_the_noise_of_a_coarse_sensor_is_not_none(digit_mps, std_mps):

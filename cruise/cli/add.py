@@ -13,7 +13,7 @@ from rich import box
 from rich.table import Table
 
 from cruise import settings
-from cruise.cli.console import bold, printer, working
+from cruise.cli.console import FIGURES, bold, printer, working
 from cruise.cli.reading import (
     NOTES_SHOWN,
     AsJson,
@@ -134,7 +134,7 @@ def _wanted(text: str, output: str) -> str | Custom:
 def _print(
     model: str, study: Study, added: Added, floor: NoiseFloor, fitted: list[Parameter], out: Path | None
 ) -> None:
-    console = printer()
+    console = printer(least=FIGURES)
     samples = sum(len(one) for one in study.recordings)
     along = f", and with it {', '.join(added.brought_along)}" if added.brought_along else ""
     console.print(bold(added.effect, f" added to {model}{along}"))

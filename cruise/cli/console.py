@@ -2,14 +2,20 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Final
 
 from rich.console import Console
 from rich.text import Text
 
+FIGURES: Final = 80  # columns that a table of figures needs: a narrower one loses digits, where a terminal only wraps
 
-def printer(width: int | None = None) -> Console:
-    """What is said, on the standard output."""
-    return Console(highlight=False, markup=False, width=width)
+
+def printer(width: int | None = None, least: int = 0) -> Console:
+    """What is said, on the standard output: as wide as the terminal, or `width`, and never narrower than `least`."""
+    console = Console(highlight=False, markup=False, width=width)
+    if console.width < least:
+        console.width = least
+    return console
 
 
 def bold(text: str, rest: str = "") -> Text:

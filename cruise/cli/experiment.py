@@ -18,7 +18,7 @@ from rich.table import Table
 from cruise import settings as strict
 from cruise.can.bus import open_bus
 from cruise.can.codec import Codec
-from cruise.cli.console import printer
+from cruise.cli.console import FIGURES, printer
 from cruise.cli.places import CONFIG, OUT
 from cruise.cli.reading import writable
 from cruise.cli.run import Running
@@ -64,7 +64,7 @@ def experiment(
     file = file or (Path(commissioning.experiments) if commissioning else CONFIG / "experiments.yaml")
     known = service.load(file)
     if listed:
-        printer().print(_table(known))
+        printer(least=FIGURES).print(_table(known))
         return
     chosen = _chosen(known, name, file)
     path = out or OUT / f"{name}.csv"

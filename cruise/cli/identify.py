@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from cruise.cli import identify_picture
-from cruise.cli.console import bold, printer, working
+from cruise.cli.console import FIGURES, bold, printer, working
 from cruise.cli.places import OUT
 from cruise.cli.reading import (
     NOTES_SHOWN,
@@ -160,7 +160,7 @@ def _save(path: Path, found: Identification, preparation: PreparationSettings) -
 
 
 def _print(found: Identification, preparation: PreparationSettings, drawn: Path, out: Path | None) -> None:
-    console, fitted = printer(), found.fitted
+    console, fitted = printer(least=FIGURES), found.fitted
     samples = sum(len(one) for one in found.recordings)
     delay = found.structure.delay(fitted.period_s)
     name = f"{found.structure.name} " if found.structure.name else ""

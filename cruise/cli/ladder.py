@@ -11,7 +11,7 @@ from rich.table import Table
 
 from cruise import settings
 from cruise.cli import ladder_picture
-from cruise.cli.console import bold, printer
+from cruise.cli.console import FIGURES, bold, printer
 from cruise.cli.places import REPLAY
 from cruise.cli.reading import PICTURES, AsJson, writable
 from cruise.model import files
@@ -115,7 +115,7 @@ def report(model: Path, rungs: list[Rung]) -> dict[str, Any]:
 
 
 def _print(model: Path, rungs: list[Rung], drawn: Path | None) -> None:
-    console, last = printer(), rungs[-1].step
+    console, last = printer(least=FIGURES), rungs[-1].step
     horizons = {one.step.horizon_s for one in rungs}
     console.print(bold(str(model)), soft_wrap=True)
     ahead = f"{last.horizon_s:g} s ahead" if len(horizons) == 1 else "at the horizon of each step"

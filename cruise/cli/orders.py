@@ -12,7 +12,7 @@ from rich.progress import Progress
 from rich.table import Table
 
 from cruise.cli import orders_picture
-from cruise.cli.console import printer
+from cruise.cli.console import FIGURES, printer
 from cruise.cli.places import OUT
 from cruise.cli.reading import (
     PICTURES,
@@ -125,7 +125,7 @@ def written(found: Search, one: Candidate) -> str:
 
 
 def _print(found: Search, drawn: Path) -> None:
-    console = printer()
+    console = printer(least=FIGURES)
     table = Table(
         box=box.SIMPLE_HEAD,
         title=f"{len(found.candidates)} structures, {found.horizon_s:g} s ahead, held out; * none simpler is better",

@@ -14,7 +14,7 @@ from rich.progress import Progress
 from rich.table import Table
 
 from cruise.cli import paper_picture
-from cruise.cli.console import printer
+from cruise.cli.console import FIGURES, printer
 from cruise.cli.places import CONFIG, OUT
 from cruise.cli.reading import PICTURES, AsJson, writable
 from cruise.paper import published as printed
@@ -93,7 +93,7 @@ def report(found: Reproduction) -> dict[str, Any]:
 
 
 def _print(found: Reproduction, drawn: Path) -> None:
-    console = printer()
+    console = printer(least=FIGURES)
     count = len(found.seeds)
     console.print(f"{count} seeds, {found.seeds[0]} to {found.seeds[-1]}; explained 3 s ahead in %, mean +- spread")
     for name, title in TITLES.items():

@@ -12,7 +12,7 @@ import typer
 from rich import box
 from rich.table import Table
 
-from cruise.cli.console import bold, printer
+from cruise.cli.console import FIGURES, bold, printer
 from cruise.cli.places import CONFIG, REPLAY
 from cruise.cli.reading import (
     AsJson,
@@ -88,7 +88,7 @@ def replay(
 
 
 def _print(report: dict) -> None:
-    console = printer()
+    console = printer(least=FIGURES)
     console.print(f"{count_of(len(report['recordings']), 'recording')}, {report['samples']} samples")
     for note in report["notes"]:
         console.print(f"note: {note}")

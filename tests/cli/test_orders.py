@@ -38,6 +38,13 @@ def test_it_ranks_recommends_and_draws(verb, table):
     assert (table / "new" / "orders.png").read_bytes().startswith(b"\x89PNG")
 
 
+def test_a_narrow_terminal_costs_no_digit(verb, table, monkeypatch):
+    words = ("orders", "one.csv", "--na-max", 1, "--nb-max", 1, "--delay-max", 0)
+    wide = verb(*words)[1]
+    monkeypatch.setenv("COLUMNS", "40")
+    assert verb(*words)[1] == wide
+
+
 def test_json_holds_every_structure_and_is_what_identify_takes(verb, table):
     words = ("--cutoff", 0, "--na-max", 2, "--nb-max", 2, "--delay-max", 0.6, "--json")
     code, out, err = verb("orders", "one.csv", *words)

@@ -312,7 +312,7 @@ class Controller:
     def _trend_mps2(self) -> float:
         """At which rate what is measured moves the speed; an engine freed of its load goes back to its own speed."""
         speed_mps = self.observer.speed_mps
-        believed_mps2 = self.observer.calm * self.trend.rate_mps2(speed_mps)
+        believed_mps2 = self.trend.rate_mps2(speed_mps, self.observer.calm)
         regains = self.power.regains(self.signals.get("engine_speed_rpm", math.nan))
         if regains is None:
             return believed_mps2

@@ -29,6 +29,19 @@ def test_a_change_of_gear_and_of_throttle_makes_no_bump_in_the_speed_that_is_ask
     assert loop.speeds[-1] == pytest.approx(1.2, abs=0.005)
 
 
+@pytest.mark.parametrize(("gear", "setpoint_mps"), [(2, 1.2), (3, 1.8)])
+def test_a_throttle_that_is_pushed_quickly_is_met_by_the_current(gear, setpoint_mps):
+    """333 rpm/s, which the dead time lets through for 0.2 m/s: that is no dip of the engine."""
+    loop = Loop(Machine(rpm=1100.0, gear=gear)).by_hand(700.0, 10.0).engaged(setpoint_mps, 20.0)
+    for rpm in np.linspace(1100.0, 2100.0, 60):
+        loop.machine.rpm = float(rpm)
+        loop.engaged(setpoint_mps, FRAME_S)
+    loop.engaged(setpoint_mps, 6.0)
+    off_mps = np.array(loop.speeds[-180:]) - setpoint_mps
+    assert np.abs(off_mps).max() < 0.23
+    assert np.sqrt(np.mean(off_mps**2)) < 0.08
+
+
 @pytest.mark.parametrize("share", [1.0, 0.0])
 def test_the_acceleration_in_a_pitch_sensor_is_not_fed_back(share):
     """On level ground a model that knows slopes drives as one that doesn't, whatever of the acceleration is shown."""

@@ -34,6 +34,24 @@ def test_what_comes_while_the_drive_moves_is_believed_when_it_lasts():
     assert trend.believed(0.0) == pytest.approx((0.95, 0.1), abs=0.01)
 
 
+def test_what_no_dip_of_an_engine_explains_is_believed_at_once():
+    """A throttle that doubles the engine's speed in 3 s moves the drive as well, and is not the drive's doing."""
+    trend = Trend(0.5, 0.05)
+    for k in range(100 + 60):
+        trend.step(math.exp(math.log(2.0) * max(k - 99, 0) / 60.0), 0.0)
+    gain, _ = trend.believed(0.0)
+    assert gain == pytest.approx(2.0 * math.exp(-0.05))
+    assert trend.rate_mps2(1.0, calm=0.0) == pytest.approx(math.log(2.0) / 3.0, rel=0.15)
+
+
+def test_the_trend_of_what_may_be_a_dip_is_doubted():
+    trend = Trend(0.5, 0.05)
+    for k in range(220):
+        trend.step(math.exp(-0.04 * max(k - 199, 0) / 20.0), 0.0)
+    assert trend.rate_mps2(1.5) < -0.03
+    assert trend.rate_mps2(1.5, calm=0.0) == pytest.approx(0.0, abs=1e-12)
+
+
 def test_a_gear_is_believed_at_once():
     trend = Trend(0.5, 0.05)
     for gain in [1.0] * 50 + [1.7]:

@@ -48,8 +48,9 @@ LAW_STEPS: Final = 20.0  # per factor e, of poles and paces: those that differ b
 class ControlSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Everything that decides how the machine is driven."""
 
-    # s, period of the command frames and of the plans: checks look at 0.1 s, the drive waits 0.2 s for a command
-    frame_s: Annotated[float, msgspec.Meta(gt=0, le=0.1)] = 0.05
+    # s, period of the command frames and of the plans: checks look at 0.1 s, the drive waits 0.2 s for a command; no
+    # message comes more often than every 0.01 s, and a plan takes its time
+    frame_s: Annotated[float, msgspec.Meta(ge=0.01, le=0.1)] = 0.05
     shaping_hz: Positive = 2.0  # Hz, corner of each lag of the shaper
     shaping_order: Annotated[int, msgspec.Meta(ge=1, le=6)] = 2
     reference: ReferenceSettings = ReferenceSettings()

@@ -48,7 +48,7 @@ is too wide swings.
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Annotated, Final
 
 import msgspec
 import numpy as np
@@ -70,7 +70,8 @@ class ObserverSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
     ripple_damping: Positive = 0.3
     brisk_mps2: Positive = 0.4  # R, m/s2: at this rate of s half of an innovation is believed; hills stay below it
     brisk_s: Positive = 0.5  # tau_m, s over which the rate is seen, and what lasts of the innovations
-    pace_share: Positive = 0.25  # kappa: fourth gear is slowed to a seventh, give or take a factor of 1.6
+    # kappa: fourth gear is slowed to a seventh, give or take a factor of 1.6; by 1, as much as by the gear itself
+    pace_share: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.25
     pace_s: Positive = 5.0  # tau, s: a pressure is kept for about as long
     width_share: Positive = 0.8  # one standard deviation of h: it may as well be none as that of the model
     width_s: Positive = 1800.0  # tau_h, s: what makes a width, oil and wear, changes more slowly

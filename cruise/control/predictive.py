@@ -38,7 +38,8 @@ FELT: Final = 0.1  # share of the response from which on a bound is a row: with 
 class PredictiveSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The horizon and what it weighs."""
 
-    horizon_s: Positive = 3.0  # s, Coen et al. 2005, section II.B
+    # s, Coen et al. 2005, section II.B; a plan takes time by the square of it, and fourth gear has settled after 10 s
+    horizon_s: Annotated[float, msgspec.Meta(gt=0, le=10)] = 3.0
     # rho, without unit, per frame of 0.05 s; less lets sensor noise into the command
     move_weight: Annotated[float, msgspec.Meta(ge=0.1)] = 3.0
     accel_max_mps2: Positive = 1.0  # m/s2, predicted

@@ -42,6 +42,9 @@ def test_a_folder_that_is_named_from_the_root_stays_where_it_is(tmp_path: Path):
         ("can: {addresses: {cruise: 0x31}}", "can.addresses: cruise and operator_panel have the same address, 0x31"),
         ("can: {addresses: {machine: 17}}", "can.addresses: cruise and machine have the same address, 0x11; give"),
         ('can: {channel: ""}', "can.channel: expected str of length >= 1"),
+        ("control: {frame_s: 0.0005}", "control.frame_s: .*>= 0.01"),
+        ("control: {predictive: {horizon_s: 300}}", "control.predictive.horizon_s: .*<= 10"),
+        ("control: {observer: {pace_share: 1000}}", "control.observer.pace_share: .*<= 1"),
     ],
 )
 def test_what_could_never_drive_or_contradicts_itself_is_refused_with_its_place(tmp_path: Path, wrong: str, says: str):

@@ -43,7 +43,8 @@ class Sample:
     """The machine over one model period that ends at `time_s`: means over that period, aligned in time.
 
     `current_ma` and `speed_mps` are NaN where the period holds no fresh measurement of them. `engaged`: the controller
-    owned the current and followed `reference_mps`; `overridden`: a brake or clutch acted beside the drive.
+    owned the current and followed `reference_mps`, NaN where that is not the operator's alone; `overridden`: a brake
+    or clutch acted beside the drive.
     """
 
     time_s: float

@@ -145,6 +145,11 @@ class Controller:
         return self.observer.upset or (self.engaged and self.limits.last_ma != self._sent_ma)
 
     @property
+    def asked_mps(self) -> float:
+        """The reference as the operator moves it; NaN while it gives way to what engine or drive can bear."""
+        return math.nan if self.power.limiting else self.reference.speed_mps
+
+    @property
     def coming_mps(self) -> tuple[float, ...]:
         """By how much the currents on their way will change the speed in each of the next frames, by the model."""
         state, delay = self.state, self.model.delay

@@ -3,7 +3,7 @@
 What counts as excitation depends on who drives. A person moves the current for reasons of their own: its changes
 excite. The controller moves it because the speed deviated: regressing speed on such a current finds the inverse of
 the controller, not the drive (Ljung 1999, section 13.4). Only the reference comes from outside the loop then, so only
-its changes excite.
+its changes excite, and none while it gives way to engine or drive: then it, too, follows the speed.
 """
 
 import math
@@ -91,8 +91,11 @@ class GateKeeper:
         return Gate.OPEN
 
     def _excites(self, sample: Sample, drive_mps: float) -> bool:
-        if sample.engaged != self.engaged:
-            self.engaged = sample.engaged
+        move_mps = sample.reference_mps if sample.engaged else drive_mps
+        if sample.engaged != self.engaged or math.isnan(move_mps):
             self.moves.clear()
-        self.moves.append(sample.reference_mps if sample.engaged else drive_mps)
+        self.engaged = sample.engaged
+        if math.isnan(move_mps):
+            return False
+        self.moves.append(move_mps)
         return max(self.moves) - min(self.moves) >= self.settings.excitation_min_mps

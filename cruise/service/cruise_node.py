@@ -220,7 +220,7 @@ class CruiseNode:
             means.get(OUTPUT, math.nan),
             signals,
             engaged=self.engagement.state.controls,
-            reference_mps=self.controller.reference.speed_mps,
+            reference_mps=self.controller.asked_mps,
             overridden=means.get("brake_pedal", 0.0) > 0.5 or means.get("clutch_pedal", 0.0) > 0.5,
         )
 

@@ -181,3 +181,17 @@ def test_a_machine_that_is_too_fast_without_any_drive_is_asked_for_none(band_ma)
     loop.machine.load_mps = 0.03
     loop.engaged(0.5, 20.0)
     assert loop.speeds[-1] == pytest.approx(0.5, abs=0.01)
+
+
+def test_a_reference_that_gives_way_to_an_overloaded_engine_is_not_the_operators():
+    loop = Loop(Machine()).by_hand(700.0, 10.0).engaged(1.2, 5.0)
+    assert loop.controller.asked_mps == loop.controller.reference.speed_mps
+    step = loop.machine.step
+    loop.machine.step = lambda current_ma: replace(
+        sample := step(current_ma), signals={**sample.signals, "engine_load_pct": 100.0}
+    )
+    for rpm in np.linspace(2100.0, 1700.0, 40):
+        loop.machine.rpm = float(rpm)
+        loop.engaged(1.2, FRAME_S)
+    assert loop.controller.reference.speed_mps < 1.1
+    assert math.isnan(loop.controller.asked_mps)

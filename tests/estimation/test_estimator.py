@@ -205,6 +205,18 @@ def test_a_gear_that_is_not_known_during_the_shift_hides_no_shift():
     assert gates[46] is Gate.OPEN
 
 
+def test_a_reference_that_gives_way_to_the_machine_excites_nothing():
+    """It follows the speed then, and so does the current; what it did before counts for nothing afterwards either."""
+    keeper = GateKeeper(GateSettings(), 0.2)
+    gates = []
+    for k in range(150):
+        asked_mps = math.nan if 50 <= k < 100 else 1.0 if k < 30 else 1.5
+        sample = Sample(0.2 * k, 700.0, 1.5 - 0.005 * k, {"gear": 2.0}, reference_mps=asked_mps, engaged=True)
+        gates.append(keeper.judge(sample, 1.0))
+    assert gates[32] is Gate.OPEN
+    assert set(gates[50:]) == {Gate.NO_EXCITATION}
+
+
 def test_after_a_hole_it_warms_up_again(factory, machine):
     samples = machine.drive(steps(40, 3), 3)
     estimator = Estimator(factory, EstimatorSettings())

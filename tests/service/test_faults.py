@@ -372,3 +372,16 @@ def test_what_the_drive_itself_does_is_told_from_a_force():
         own.append(plausibility.memory.suddenness.own_mps)
     assert max(own) > 0.2
     assert own[-1] < 0.1
+
+
+def test_a_reference_that_gives_way_to_the_engine_teaches_nobody():
+    whole = Whole().run(ENGAGE_S + 2.0)
+    node = whole.node
+    assert node.sample is not None
+    assert node.sample.engaged
+    assert node.sample.reference_mps == pytest.approx(1.2, abs=0.1)
+    node.controller.power.cap_mps = 1.0  # as an overloaded engine would have it; it comes back by 0.05 m/s2
+    whole.run(ENGAGE_S + 3.0)
+    assert node.engagement.state.controls
+    assert math.isnan(node.sample.reference_mps)
+    assert node.controller.reference.speed_mps < 1.2

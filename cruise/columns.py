@@ -91,7 +91,7 @@ def tabulated(
     """
     said = list(notes)
     wanted = (time_of(raw, settings, said), settings.input, settings.output)
-    time, current, speed = _roles(header, raw, settings, wanted)
+    time, current, speed = _roles(header, raw, settings, wanted, said)
     time_s = _scaled(raw[time], settings.columns.get(time) or _by_name(time, "s", said))
     order = in_order(time_s, said)
     raw, time_s = {name: values[order] for name, values in raw.items()}, from_its_start(time_s[order], said)
@@ -117,8 +117,8 @@ def arranged(
     The grid follows the readings of the slower one of input and output; their step is the default of `dt_s`. Raises
     RecordingError for columns that are missing, named twice or empty, and for times that give no grid.
     """
-    current, speed = _roles(source, columns, settings, (settings.input, settings.output))
     said = list(notes)
+    current, speed = _roles(source, columns, settings, (settings.input, settings.output), said)
     columns = {name: rising(name, readings, said) for name, readings in columns.items()}
     signals = _signals(source, columns, current, speed, settings, said, ("readings", "values are no measurement"))
     unit = _in_ma(current, signals, settings, said)
@@ -149,8 +149,13 @@ def time_of(raw: Mapping[str, FloatArray], settings: RecordingSettings, notes: l
     return found[0]
 
 
-def _roles(where: str, names: Collection[str], settings: RecordingSettings, wanted: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the columns that are (time,) input and output, each named by itself or by the mapping."""
+def _roles(
+    where: str, names: Collection[str], settings: RecordingSettings, wanted: tuple[str, ...], notes: list[str]
+) -> tuple[str, ...]:
+    """Return the columns that are (time,) input and output, each named by itself or by the mapping.
+
+    Another column of the mapping may lack: one file says what the columns of many recordings mean.
+    """
     roles = ("time", "input", "output")[-len(wanted) :]
     found = [column_of(name, names, settings) for name in wanted]
     for role, name in zip(roles, found, strict=True):
@@ -159,9 +164,12 @@ def _roles(where: str, names: Collection[str], settings: RecordingSettings, want
         raise RecordingError(f"{where}: one column cannot be both input and output, or time; choose three")
     if "time" in roles and found[0] in _gate_columns(settings):
         raise RecordingError(f"{where}: active_when: {found[0]!r} is the time, and no flag; choose another column")
-    for role, others in (("columns", settings.columns), ("active_when", _gate_columns(settings))):
-        for name in others:
-            _require(role, name, where, names)
+    for name in _gate_columns(settings):
+        _require("active_when", name, where, names)
+    for name in (name for name in settings.columns if name not in names):
+        if _meant_by(name, [other for other in names if other not in settings.columns]):
+            _require("columns", name, where, names)
+        notes.append(f"{name}: named in the file of --columns, and not in this recording")
     return tuple(found)
 
 
@@ -293,14 +301,19 @@ def column_of(name: str, names: Collection[str], settings: RecordingSettings) ->
 def _require(role: str, name: str, where: str, names: Collection[str]) -> None:
     if name in names:
         return
-    near = difflib.get_close_matches(name, names, n=1)
-    hint = f"did you mean {near[0]!r}? " if near else ""
+    near = _meant_by(name, names)
+    hint = f"did you mean {near!r}? " if near else ""
     in_file = "in the file of --columns"
     if role in ("input", "output"):
         remedy = f"choose with --{role} NAME, or {role}: NAME {in_file}"
     else:
         remedy = f"choose with {role}: NAME {in_file}" if role == "time" else f"correct it {in_file}"
     raise RecordingError(f"{where}: no column {name!r} for {role}; {hint}it has {listed(names)}; {remedy}")
+
+
+def _meant_by(name: str, names: Collection[str]) -> str:
+    """Return the name that is nearly the same, or none."""
+    return next(iter(difflib.get_close_matches(name, names, n=1)), "")
 
 
 def _gate_columns(settings: RecordingSettings) -> list[str]:

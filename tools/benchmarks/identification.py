@@ -175,7 +175,8 @@ def dart(names: Sequence[str] = tuple(PRESETS)) -> tuple[list[Figure], list[str]
         at_period([read_csv(path, columns) for path in some], preparation.period_s)
         for some in (paths[::2], paths[1::2])
     )
-    table = {"persistence": persistence(unseen, HORIZON_S)}
+    speeds_mps = [one.output for one in unseen]
+    table = {"persistence": persistence(speeds_mps, speeds_mps, round(HORIZON_S / preparation.period_s))}
     for name in names:
         table[name] = judged(PRESETS[name], taught, unseen, preparation)
     figures = []

@@ -14,6 +14,7 @@ from typing import Final
 import msgspec
 import numpy as np
 
+from cruise.directions import falls, middle
 from cruise.grid import typical_step
 from cruise.recording import MIN_SAMPLES, Readings, Recording, RecordingError, listed, on_grid
 from cruise.sampling import FloatArray
@@ -36,7 +37,6 @@ SOUNDS: Final = re.compile(
     rf"{TIMES.pattern}|(?<![^\W_])(?:ms|us|sec|seconds)(?![^\W_])|^t([\W_]+s)?\W*$", re.IGNORECASE
 )  # like a time
 MOST_CODES: Final = 3  # "specific", "error" and "not available" of J1939-71; what is measured has more values
-FALLS: Final = -0.5  # correlation of input and speed below which one of them has the wrong sign
 CODES_APART: Final = 0.25  # of a signal's range, by which they are apart from all that was measured
 LARGEST: Final[dict[InputUnit, float]] = {
     "A or a share of all": 3.0,
@@ -102,7 +102,7 @@ def tabulated(
     signals = _signals(source, columns, current, speed, settings, said, ("rows", "cells hold no number, not measured"))
     unit = _in_ma(current, signals, settings, said)
     read = replace(on_grid(time_s, signals, dt_s, source, tuple(said)), input_unit=unit)
-    return _with_sign_noted(read, current, speed, settings)
+    return _with_direction_noted(read, current, speed, settings)
 
 
 def arranged(
@@ -130,7 +130,7 @@ def arranged(
         )
     base_s = max(measured.values(), key=typical_step)
     read = replace(on_grid(base_s, signals, dt_s, source, tuple(said)), input_unit=unit)
-    return _with_sign_noted(read, current, speed, settings)
+    return _with_direction_noted(read, current, speed, settings)
 
 
 def time_of(raw: Mapping[str, FloatArray], settings: RecordingSettings, notes: list[str]) -> str:
@@ -269,23 +269,31 @@ def _in_ma(name: str, signals: dict[str, Readings], settings: RecordingSettings,
     return unit
 
 
-def _with_sign_noted(read: Recording, current: str, speed: str, settings: RecordingSettings) -> Recording:
-    """Return the recording with a note where its speed falls as its input rises, by the straight line between them.
-
-    Where both have one sign all the same, a controller holds a speed: it gives more where the machine is slower.
-    """
+def _with_direction_noted(read: Recording, current: str, speed: str, settings: RecordingSettings) -> Recording:
+    """Return the recording with a note where its speed falls as its input rises, or its input stands at no zero."""
     known = np.isfinite(read.input) & np.isfinite(read.output)
-    inputs, speeds = read.input[known], read.output[known]
-    if not known.any() or not np.ptp(inputs) or not np.ptp(speeds) or np.dot(inputs, speeds) >= 0.0:
+    if falls(read.input[known], read.output[known]):
+        name, unit = (current, "mA") if np.median(read.input[known]) < 0.0 else (speed, "m/s")
+        scale, offset = _read_by(name, unit, read, current, settings)
+        turned = entry(name, -scale, -offset)
+        note = f"the speed falls as the input rises: if the sign of {name} is reversed, {turned} turns it"
+    elif middle_ma := middle(read.input, read.output, read.dt_s):
+        scale, offset = _read_by(current, "mA", read, current, settings)
+        counted = entry(current, scale, offset - float(f"{middle_ma:.3g}"))
+        note = (
+            f"the machine goes both ways and {current} has one sign: it stands at about {middle_ma:.3g} mA, from where "
+            f"dead zone, stop and hysteresis are counted; {counted} takes that as 0"
+        )
+    else:
         return read
-    if np.corrcoef(inputs, speeds)[0, 1] >= FALLS:
-        return read
-    name, unit = (current, "mA") if np.median(inputs) < 0.0 else (speed, "m/s")
+    return replace(read, notes=(*read.notes, note))
+
+
+def _read_by(name: str, unit: str, read: Recording, current: str, settings: RecordingSettings) -> tuple[float, float]:
+    """Return the scale and offset by which a column was read."""
     meant = settings.columns.get(name) or _by_name(name, unit, []) or ColumnSettings()
     scale = MA_PER_UNIT[read.input_unit] if name == current and read.input_unit else meant.scale
-    turned = entry(name, -scale, -meant.offset)
-    note = f"the speed falls as the input rises: if the sign of {name} is reversed, {turned} turns it"
-    return replace(read, notes=(*read.notes, note))
+    return scale, meant.offset
 
 
 def column_of(name: str, names: Collection[str], settings: RecordingSettings) -> str:

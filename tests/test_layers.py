@@ -18,6 +18,7 @@ ROWS = (
     "sampling",
     "grid",
     "recording",
+    "directions",
     "times",
     "columns",
     "csv_file",

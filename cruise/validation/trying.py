@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from cruise.effects import EFFECTS
+from cruise.effects import EFFECTS, Stage
 from cruise.validation.background import STRUCTURAL, Background
 from cruise.validation.candidates import MEDIATORS, UNNAMED, Candidate, EffectCandidate, with_effect, without
 from cruise.validation.credit import OF_BOTH_SPEEDS, credits_of, lingers
@@ -38,9 +38,11 @@ from cruise.validation.study import Study
 from cruise.validation.told import told_shapes
 from cruise.validation.tried import LEAST_GAIN, Step, Tried, counted, held_out
 
-FREED: Final = 0.3  # of the cost, that an effect must take away for its spare shape to be tried
+FREED: Final = 0.3  # of the cost, that an effect must take away for its spare shape to be tried,
+ELSEWHERE: Final = 0.3  # of the current's range: in any case where a gain turns the drive so far from no current
 ASTRAY: Final = 2.0  # times the cost without an effect, beyond which no fit of it is one: at neutral it takes nothing
 MOVED: Final = 0.03  # of the cost, by which a better core makes all be tried anew from it
+
 Show = Callable[[str], None]
 
 
@@ -235,13 +237,26 @@ def _fitted(
     again = partial(_from_elsewhere, search, present)
     for i, one in zip(best, side_by_side(again, [(everyone[i], fits[i]) for i in best]), strict=True):
         fits[i] = min(fits[i], one, key=lambda one: one.cost)
-    better = [i for i in effects if fits[i].cost < (1.0 - FREED) * present.fit.cost]
+    elsewhere = _stands_elsewhere(search, present)
+    better = [
+        i
+        for i in effects
+        if fits[i].cost < (1.0 - FREED) * present.fit.cost
+        or (elsewhere and EFFECTS[everyone[i].name].stage is Stage.GAIN)
+    ]
     least = min((one.cost for one in fits), default=0.0)
     for i, one in zip(
         better, side_by_side(partial(_freed, search, least), [(everyone[i], fits[i]) for i in better]), strict=True
     ):
         fits[i] = one
     return fits
+
+
+def _stands_elsewhere(search: Search, present: Judged) -> bool:
+    """Whether the machine stands far from no current: a gain takes little or nothing where it turns it about none."""
+    core, current_ma = present.explanation.core, search.scene.current_ma
+    range_ma = float(np.nanmax(current_ma) - np.nanmin(current_ma))
+    return abs(present.explanation.offset_mps) > ELSEWHERE * range_ma * abs(core.gain_mps_per_ma)
 
 
 def _freed(search: Search, least: float, found: tuple[Candidate, Fit]) -> Fit:

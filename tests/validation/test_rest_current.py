@@ -1,0 +1,38 @@
+"""A machine that stands at half of its current: what turns its drive is found where it turns it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cruise.identification.structures import parse
+from cruise.signals import INPUT
+from cruise.validation.candidates import candidates
+from cruise.validation.study import Study, study
+from cruise.validation.trying import tried_beside
+from cruise.validation.unnamed import RestCurrent
+from tests.validation.driving import drive, levels
+
+PERIOD_S, DT_S = 0.2, 0.1
+SECONDS, MIDDLE_MA, FULL_MA = 160.0, 1000.0, 700.0
+
+
+def about(middle_ma: float) -> Study:
+    """A drive both ways about this current, with two gears that are nearly the same."""
+    samples = round(SECONDS / DT_S)
+    lever_ma = levels(samples, DT_S, 3, -FULL_MA, FULL_MA)
+    gear = 1.0 + (np.arange(samples) // 200 % 2)
+    one = drive(SECONDS, gain=np.where(gear == 1.0, 0.9, 1.0), columns={"gear": gear}, current_ma=lever_ma)
+    one = replace(one, columns={**one.columns, INPUT: middle_ma + lever_ma})
+    return study([one], parse("arx:na=1,nb=3,delay_s=0.4"), None, PERIOD_S)
+
+
+@pytest.mark.parametrize("middle_ma", [0.0, MIDDLE_MA])
+def test_a_gain_is_as_good_wherever_the_machine_stands(middle_ma):
+    one = about(middle_ma)
+    everyone = [each for each in candidates(one.recordings, one.base.explanation)[0] if each.name == "gear_ratio"]
+    step = tried_beside(one, one.base, everyone, [], np.random.default_rng(1), lambda text: None)
+    found = step.tried[0].judged
+    assert found.loss < 0.4 * one.base.loss
+    at_ma = [it.rest_ma for it in found.explanation.effects if isinstance(it, RestCurrent)]
+    assert at_ma == ([pytest.approx(MIDDLE_MA, abs=60.0)] if middle_ma else [])

@@ -1,7 +1,7 @@
 """The trend of what is measured: how fast gain and loads move the speed, so that a plan can meet them on time.
 
     rate = (x - m) / tau,   m_(k+1) = m_k + (T / tau) (x - m_k),   x = ln g and x = l
-    believed: x - (1 - c^2) e,   c rate + (1 - c) (1 - e / (x - M)) rate,   e = min(max(x - M, -D), D)
+    believed: x - (1 - c^2) e,   c rate + (1 - c) (1 - e / (x - M)) rate,   e = min(x - M, D)
 
 g gain without unit, l loads in m/s of steady speed, tau time over which the trend is seen in s, T frame in s: on a
 ramp, x runs ahead of its lag m by tau times its slope. A dead time of half a second would cost 4 cm/s while the
@@ -9,9 +9,9 @@ throttle moves by 100 rpm/s. A jump, a gear that was changed, is no trend.
 
 While the machine speeds up the engine dips, and some of the acceleration shows as slope: that goes as it came, and a
 command which made up for it would act a dead time later, when it is over. c, 1 at rest and less while the drive moves
-(`observer.py`), says how much of what has just come a plan may count on; M is a lag of x with 4 s. What moves the gain
-by more than D is no dip: a throttle moves the drive as well, and a plan that did not believe it would wait for the
-machine to slow down by itself.
+(`observer.py`), says how much of what has just come a plan may count on; M is a lag of x with 4 s. What raises the gain
+by more than D is no engine that comes back from a dip: a throttle was pushed, and a plan that did not believe it would
+wait for the machine to slow down by itself. What lowers it by more may be a drum that plugs, and come back at once.
 """
 
 import math
@@ -69,6 +69,4 @@ class Trend:
 
     def _doubted(self) -> tuple[float, ...]:
         """e, what of gain and load may go as it came."""
-        return tuple(
-            min(max(now - lag, -most), most) for now, lag, most in zip(self.now, self.lasting, MOST, strict=True)
-        )
+        return tuple(min(now - lag, most) for now, lag, most in zip(self.now, self.lasting, MOST, strict=True))

@@ -156,7 +156,7 @@ def _columns(
 def _centre_and_scale(model: Model, recordings: Sequence[Recording]) -> tuple[float, float]:
     """Mean and sqrt(2) standard deviations in mA of the drive signal over all recordings."""
     if not recordings:
-        raise FitError("nothing is left to fit: record for longer")
+        raise FitError("no recording is long enough: record for longer")
     drives = np.concatenate([np.asarray(state_over(model, recording).drives[0]) for recording in recordings])
     drives = drives[np.isfinite(drives)]
     check_excitation(recordings, drives[:, None])

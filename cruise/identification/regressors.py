@@ -103,7 +103,7 @@ def rows_over(
     Raises FitError where there is no recording, none is long enough, or the input says nothing.
     """
     if not recordings:
-        raise FitError("nothing is left to fit: record for longer")
+        raise FitError("no recording is long enough: record for longer")
     matrices, targets, pieces, count, raw = [], [], [], 0, 0
     for recording in recordings:
         matrix, target = columns(recording)

@@ -91,7 +91,10 @@ def test_the_effects_are_searched_with_and_written_out(verb, tmp_path):
         ),
         ("one.csv --picture .", "--picture .: let the name end in .png"),
         ("still.csv", "none of 120 structures can be judged; the first one: the input does not excite the drive"),
-        ("short.csv", "none of 120 structures can be judged; the first one: nothing is left to fit: record for longer"),
+        (
+            "short.csv",
+            "none of 120 structures can be judged; the first one: no recording is long enough: record for longer",
+        ),
         ("none.csv", "none.csv: no such file"),
     ],
 )

@@ -44,6 +44,16 @@ def test_what_no_dip_of_an_engine_explains_is_believed_at_once():
     assert trend.rate_mps2(1.0, calm=0.0) == pytest.approx(math.log(2.0) / 3.0, rel=0.15)
 
 
+def test_an_engine_that_lugs_is_doubted_however_far():
+    """A drum that plugs is free again at once: who made up for the engine is too fast then."""
+    trend = Trend(0.5, 0.05)
+    for k in range(100 + 20):
+        trend.step(math.exp(-0.2 * max(k - 99, 0) / 20.0), 0.0)
+    gain, _ = trend.believed(0.0)
+    assert gain > 0.95
+    assert trend.rate_mps2(1.0, calm=0.0) == pytest.approx(0.0, abs=1e-12)
+
+
 def test_the_trend_of_what_may_be_a_dip_is_doubted():
     trend = Trend(0.5, 0.05)
     for k in range(220):

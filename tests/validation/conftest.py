@@ -1,11 +1,18 @@
-"""Diagnoses of four drives, which many tests look at and none changes."""
+"""A study of a plain drive, and diagnoses of four drives, which many tests look at and none changes."""
 
 import numpy as np
 import pytest
 
 from cruise.validation.diagnose import Diagnosis
-from tests.validation.diagnosing import HEADER, PITCH, found
-from tests.validation.driving import GRAVITY_MPS2
+from cruise.validation.study import Study, study
+from tests.validation.diagnosing import HEADER, PERIOD_S, PITCH, SECONDS, STRUCTURE, found
+from tests.validation.driving import GRAVITY_MPS2, drive
+
+
+@pytest.fixture(scope="module")
+def plain() -> Study:
+    """A drive of current and speed alone. What is tried beside it learns a disturbance, so that each module has one."""
+    return study([drive(SECONDS)], STRUCTURE, None, PERIOD_S)
 
 
 @pytest.fixture(scope="session")

@@ -1,8 +1,14 @@
 """Drives with something hidden in them, and what the search begins with and finds there."""
 
+import numpy as np
+
 from cruise.identification.structures import parse
+from cruise.validation.candidates import candidates
 from cruise.validation.diagnose import Diagnosis, diagnose
+from cruise.validation.judged import Judged
 from cruise.validation.study import Study, study
+from cruise.validation.tried import Step
+from cruise.validation.trying import tried_beside
 from tests.validation.driving import drive, wander
 
 SECONDS, DT_S, PERIOD_S = 160.0, 0.1, 0.2
@@ -19,3 +25,9 @@ def begun(**hidden) -> Study:
 
 def found(**hidden) -> Diagnosis:
     return diagnose(begun(**hidden))
+
+
+def tried(one: Study, present: Judged) -> Step:
+    """Every effect beside what is there, none chosen yet."""
+    everyone, _ = candidates(one.recordings, present.explanation)
+    return tried_beside(one, present, everyone, [], np.random.default_rng(1), lambda text: None)

@@ -10,7 +10,7 @@ import pytest
 from cruise.effects.power_limit import PowerLimit
 from cruise.identification.structures import parse
 from cruise.validation import trying
-from cruise.validation.candidates import UNNAMED, candidates, with_effect
+from cruise.validation.candidates import UNNAMED, with_effect
 from cruise.validation.credit import (
     LATER,
     SURE_OF_SLIP,
@@ -24,23 +24,12 @@ from cruise.validation.credit import (
 from cruise.validation.fitting import Fit
 from cruise.validation.judged import Judged
 from cruise.validation.search import Search
-from cruise.validation.study import Study, study
-from cruise.validation.tried import Step
-from cruise.validation.trying import tried_beside
+from cruise.validation.study import study
+from tests.validation.diagnosing import tried
 from tests.validation.driving import drive, wander
 
 PERIOD_S = 0.2
 PLAIN = "arx:na=1,nb=3,delay_s=0.4"
-
-
-@pytest.fixture(scope="module")
-def plain() -> Study:
-    return study([drive(160.0)], parse(PLAIN), None, PERIOD_S)
-
-
-def tried(one: Study, present: Judged) -> Step:
-    everyone, _ = candidates(one.recordings, present.explanation)
-    return tried_beside(one, present, everyone, [], np.random.default_rng(1), lambda text: None)
 
 
 @pytest.mark.parametrize(("friction", "counts"), [(0.5, False), (0.7, True)])

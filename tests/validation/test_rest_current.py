@@ -7,10 +7,9 @@ import pytest
 
 from cruise.identification.structures import parse
 from cruise.signals import INPUT
-from cruise.validation.candidates import candidates
 from cruise.validation.study import Study, study
-from cruise.validation.trying import tried_beside
 from cruise.validation.unnamed import RestCurrent
+from tests.validation.diagnosing import tried
 from tests.validation.driving import drive, levels
 
 PERIOD_S, DT_S = 0.2, 0.1
@@ -30,9 +29,7 @@ def about(middle_ma: float) -> Study:
 @pytest.mark.parametrize("middle_ma", [0.0, MIDDLE_MA])
 def test_a_gain_is_as_good_wherever_the_machine_stands(middle_ma):
     one = about(middle_ma)
-    everyone = [each for each in candidates(one.recordings, one.base.explanation)[0] if each.name == "gear_ratio"]
-    step = tried_beside(one, one.base, everyone, [], np.random.default_rng(1), lambda text: None)
-    found = step.tried[0].judged
+    found = next(it.judged for it in tried(one, one.base).tried if it.name == "gear_ratio")
     assert found.loss < 0.4 * one.base.loss
     at_ma = [it.rest_ma for it in found.explanation.effects if isinstance(it, RestCurrent)]
     assert at_ma == ([pytest.approx(MIDDLE_MA, abs=60.0)] if middle_ma else [])

@@ -15,26 +15,16 @@ from cruise.validation.judged import Judged
 from cruise.validation.mediator import Through
 from cruise.validation.search import Search
 from cruise.validation.study import Study, study
-from cruise.validation.tried import Step
 from cruise.validation.trying import (
     MOVED,
     of_the_best_kind,
     tried_beside,
 )
+from tests.validation.diagnosing import tried
 from tests.validation.driving import drive, wander
 
 PERIOD_S = 0.2
 PLAIN = "arx:na=1,nb=3,delay_s=0.4"
-
-
-@pytest.fixture(scope="module")
-def plain() -> Study:
-    return study([drive(160.0)], parse(PLAIN), None, PERIOD_S)
-
-
-def tried(one: Study, present: Judged) -> Step:
-    everyone, _ = candidates(one.recordings, present.explanation)
-    return tried_beside(one, present, everyone, [], np.random.default_rng(1), lambda text: None)
 
 
 def test_all_are_tried_anew_where_the_core_was_found_to_be_elsewhere(plain, monkeypatch):

@@ -16,7 +16,7 @@ import numpy as np
 
 from cruise.directions import falls, middle
 from cruise.grid import typical_step
-from cruise.recording import MIN_SAMPLES, Readings, Recording, RecordingError, listed, on_grid
+from cruise.recording import MIN_SAMPLES, Readings, Recording, RecordingError, counted_from, listed, on_grid
 from cruise.sampling import FloatArray
 from cruise.signals import CONTEXT, INPUT, OUTPUT, SIGNALS
 from cruise.times import (
@@ -73,6 +73,13 @@ class RecordingSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
     output: str = OUTPUT
     columns: dict[str, ColumnSettings] = {}
     active_when: ActiveWhen | None = None
+    input_rest_ma: float | None = None  # input at which the machine stands, taken as 0; default: as recordings show it
+
+    def __post_init__(self) -> None:
+        if self.input_rest_ma and self.active_when is not None:
+            raise ValueError(
+                "input_rest_ma beside active_when, which sets the input to 0: give an offset in columns instead"
+            )
 
 
 def tabulated(
@@ -102,7 +109,7 @@ def tabulated(
     signals = _signals(source, columns, current, speed, settings, said, ("rows", "cells hold no number, not measured"))
     unit = _in_ma(current, signals, settings, said)
     read = replace(on_grid(time_s, signals, dt_s, source, tuple(said)), input_unit=unit)
-    return _with_direction_noted(read, current, speed, settings)
+    return _directed(read, current, speed, settings)
 
 
 def arranged(
@@ -130,7 +137,7 @@ def arranged(
         )
     base_s = max(measured.values(), key=typical_step)
     read = replace(on_grid(base_s, signals, dt_s, source, tuple(said)), input_unit=unit)
-    return _with_direction_noted(read, current, speed, settings)
+    return _directed(read, current, speed, settings)
 
 
 def time_of(raw: Mapping[str, FloatArray], settings: RecordingSettings, notes: list[str]) -> str:
@@ -269,24 +276,30 @@ def _in_ma(name: str, signals: dict[str, Readings], settings: RecordingSettings,
     return unit
 
 
-def _with_direction_noted(read: Recording, current: str, speed: str, settings: RecordingSettings) -> Recording:
-    """Return the recording with a note where its speed falls as its input rises, or its input stands at no zero."""
+def _directed(read: Recording, current: str, speed: str, settings: RecordingSettings) -> Recording:
+    """Return the recording with its input counted from where the machine stands, and notes on that.
+
+    Where its speed falls as its input rises a note says so.
+    """
+    if settings.input_rest_ma is not None:
+        return counted_from(read, settings.input_rest_ma)
     known = np.isfinite(read.input) & np.isfinite(read.output)
     if falls(read.input[known], read.output[known]):
         name, unit = (current, "mA") if np.median(read.input[known]) < 0.0 else (speed, "m/s")
         scale, offset = _read_by(name, unit, read, current, settings)
         turned = entry(name, -scale, -offset)
         note = f"the speed falls as the input rises: if the sign of {name} is reversed, {turned} turns it"
-    elif middle_ma := middle(read.input, read.output, read.dt_s):
-        scale, offset = _read_by(current, "mA", read, current, settings)
-        counted = entry(current, scale, offset - float(f"{middle_ma:.3g}"))
-        note = (
-            f"the machine goes both ways and {current} has one sign: it stands at about {middle_ma:.3g} mA, from where "
-            f"dead zone, stop and hysteresis are counted; {counted} takes that as 0"
-        )
-    else:
+        return replace(read, notes=(*read.notes, note))
+    rest_ma = float(f"{middle(read.input, read.output, read.dt_s):.3g}")
+    if not rest_ma:
         return read
-    return replace(read, notes=(*read.notes, note))
+    note = f"the machine goes both ways and {current} has one sign: it stands at about {rest_ma:g} mA, from where "
+    if settings.active_when is not None:  # which set it to 0 elsewhere
+        scale, offset = _read_by(current, "mA", read, current, settings)
+        note += f"dead zone, stop and hysteresis are counted; {entry(current, scale, offset - rest_ma)} takes that as 0"
+        return replace(read, notes=(*read.notes, note))
+    note += "it is counted; input_rest_ma: 0 in the file of --columns takes it as it is"
+    return counted_from(replace(read, notes=(*read.notes, note)), rest_ma)
 
 
 def _read_by(name: str, unit: str, read: Recording, current: str, settings: RecordingSettings) -> tuple[float, float]:

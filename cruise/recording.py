@@ -45,8 +45,9 @@ class Recording:
     A sample is the reading at its time, of a current the one that holds from there on, or where `averaged` the mean
     over the period that ends there.
     `source` says where it comes from, `notes` what was lost or mended, `stamps_s` (M,) the time stamps as they were
-    before the grid, where known, `input_unit` what the size of the input was taken to tell of its unit. The arrays are
-    read-only. Raises RecordingError for a grid that is not uniform, columns of another length, or no input or output.
+    before the grid, where known, `input_unit` what the size of the input was taken to tell of its unit, `input_rest_ma`
+    the input of the file, in mA, that is 0 here. The arrays are read-only. Raises RecordingError for a grid that is not
+    uniform, columns of another length, or no input or output.
     """
 
     time_s: FloatArray
@@ -57,6 +58,7 @@ class Recording:
     stamps_s: FloatArray | None = None
     averaged: bool = False
     input_unit: InputUnit = ""
+    input_rest_ma: float = 0.0
 
     def __post_init__(self) -> None:
         for name in (INPUT, OUTPUT):
@@ -112,7 +114,18 @@ def resample(recording: Recording, dt_s: float) -> Recording:
         for name, values in recording.columns.items()
     }
     resampled = on_grid(recording.since_s, columns, dt_s, recording.source, recording.notes, held=recording.averaged)
-    return replace(resampled, stamps_s=recording.stamps_s, input_unit=recording.input_unit)
+    return replace(
+        resampled,
+        stamps_s=recording.stamps_s,
+        input_unit=recording.input_unit,
+        input_rest_ma=recording.input_rest_ma,
+    )
+
+
+def counted_from(recording: Recording, rest_ma: float) -> Recording:
+    """Return `recording` with the input that was `rest_ma` in its file as 0."""
+    columns = {**recording.columns, INPUT: recording.input + (recording.input_rest_ma - rest_ma)}
+    return replace(recording, columns=columns, input_rest_ma=rest_ma)
 
 
 def too_slow(dt_s: float, period_s: float, what: str = "a model") -> str:
@@ -133,6 +146,11 @@ def input_unit_of(recordings: Sequence[Recording]) -> InputUnit:
     """Return what the size of their inputs was taken to tell of the unit, which is one for all of them."""
     told: list[InputUnit] = [one.input_unit for one in recordings if one.input_unit]
     return told[0] if told else ""
+
+
+def input_rest_of(recordings: Sequence[Recording]) -> float:
+    """Return the input of their files, in mA, that is 0 in all of them."""
+    return next((one.input_rest_ma for one in recordings if one.input_rest_ma), 0.0)
 
 
 def on_grid(

@@ -2,15 +2,19 @@
 
 import numpy as np
 import pytest
+from msgspec import structs
 
-from cruise.columns import ColumnSettings, RecordingSettings
+from cruise.columns import ActiveWhen, ColumnSettings, RecordingSettings
 from cruise.csv_file import read_csv
 from cruise.directions import middle
+from cruise.recording import resample
+from cruise.service.recordings import ReadingSettings, Told, read_recordings
 from tests.csv_files import csv_of
 
 DT_S = 0.05
 LAG = 6  # samples: 0.3 s
 STANDS = "it stands at about"
+LEVER = RecordingSettings(input="lever")
 
 
 def lever(seed: int = 1, count: int = 6000) -> np.ndarray:
@@ -68,18 +72,60 @@ def test_holes_change_nothing():
     assert middle(inputs, speeds, DT_S) == pytest.approx(1000.0, abs=7.0)
 
 
-def test_where_it_stands_is_said_with_the_entry_that_counts_from_there(tmp_path):
-    place = lever()
-    table = np.column_stack([DT_S * np.arange(len(place)), 50.0 + 40.0 * place, answer(place)])
-    rows = [f"{time_s:.2f},{per_cent:.6g},{speed_mps:.4f}" for time_s, per_cent, speed_mps in table]
-    path = csv_of(tmp_path, rows, "time_s,lever,ground_speed_mps")
-    said = [note for note in read_csv(path, RecordingSettings(input="lever")).notes if STANDS in note]
+def table(folder, name: str, rest: float, place: np.ndarray):
+    """A file of the lever in per cent, and of a flag that is 1 throughout."""
+    rows = [
+        f"{time_s:.2f},{per_cent:.6g},{speed_mps:.4f},1"
+        for time_s, per_cent, speed_mps in zip(
+            DT_S * np.arange(len(place)), rest + 40.0 * place, answer(place), strict=True
+        )
+    ]
+    return csv_of(folder, rows, "time_s,lever,ground_speed_mps,on").rename(folder / name)
+
+
+def test_an_input_is_counted_from_where_the_machine_stands(tmp_path):
+    path = table(tmp_path, "one.csv", 50.0, lever())
+    read = read_csv(path, LEVER)
+    said = [note for note in read.notes if STANDS in note]
     assert len(said) == 1
-    assert "it stands at about 500 mA" in said[0]
-    assert "columns: {lever: {scale: 10, offset: -500}} in the file of --columns takes that as 0" in said[0]
-    read = read_csv(
-        path, RecordingSettings(input="lever", columns={"lever": ColumnSettings(scale=10.0, offset=-500.0)})
-    )
+    assert "it stands at about 500 mA, from where it is counted; input_rest_ma: 0 in the file" in said[0]
+    assert read.input_rest_ma == 500.0
+    np.testing.assert_allclose(read.input, 400.0 * lever(), atol=1e-3)
+    assert resample(read, 0.2).input_rest_ma == 500.0
+    assert read[100:].input_rest_ma == 500.0
+    as_it_is = read_csv(path, structs.replace(LEVER, input_rest_ma=0.0))
+    np.testing.assert_allclose(as_it_is.input, 500.0 + 400.0 * lever(), atol=1e-3)
+    assert not any(STANDS in note for note in as_it_is.notes)
+    elsewhere = read_csv(path, structs.replace(LEVER, input_rest_ma=480.0))
+    np.testing.assert_allclose(elsewhere.input, 20.0 + 400.0 * lever(), atol=1e-3)
+
+
+def test_where_a_flag_sets_it_to_zero_the_entry_is_said_that_counts_from_there(tmp_path):
+    path = table(tmp_path, "one.csv", 50.0, lever())
+    gated = structs.replace(LEVER, active_when=ActiveWhen(column="on"))
+    (said,) = [note for note in read_csv(path, gated).notes if STANDS in note]
+    assert "columns: {lever: {scale: 10, offset: -500}} in the file of --columns takes that as 0" in said
+    counted = structs.replace(gated, columns={"lever": ColumnSettings(scale=10.0, offset=-500.0)})
+    read = read_csv(path, counted)
     assert not any(STANDS in note for note in read.notes)
-    assert np.median(read.input) == pytest.approx(0.0, abs=100.0)
-    assert read.input.min() < -300.0
+    np.testing.assert_allclose(read.input, 400.0 * lever(), atol=1e-3)
+    with pytest.raises(ValueError, match="input_rest_ma beside active_when"):
+        structs.replace(gated, input_rest_ma=500.0)
+
+
+def test_recordings_that_are_read_together_are_counted_from_one_place(tmp_path):
+    """One goes both ways, in the other the machine never reversed; a model's recordings had another."""
+    both = table(tmp_path, "both.csv", 50.0, lever())
+    ahead = table(tmp_path, "ahead.csv", 50.0, np.abs(lever(seed=3)))
+    settings = ReadingSettings(input="lever")
+    assert read_recordings([ahead], settings)[0].input_rest_ma == 0.0
+    for paths in ([both, ahead], [ahead, both]):
+        read = {one.source: one for one in read_recordings(paths, settings)}[str(ahead)]
+        np.testing.assert_allclose(read.input, 400.0 * np.abs(lever(seed=3)), atol=1e-3)
+        assert any("lever: counted from 500 mA like that of both.csv" in note for note in read.notes)
+    told = Told("", 510.0, "m.yaml")
+    (read,) = read_recordings([both], settings, told=told)
+    np.testing.assert_allclose(read.input, -10.0 + 400.0 * lever(), atol=1e-3)
+    assert any("counted from 510 mA like that of m.yaml, and not from 500" in note for note in read.notes)
+    (read,) = read_recordings([both], structs.replace(settings, input_rest_ma=500.0), told=told)
+    assert read.input_rest_ma == 500.0, "the settings have the word"

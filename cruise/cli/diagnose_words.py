@@ -16,7 +16,7 @@ from cruise.cli.add import floor_in_words
 from cruise.cli.console import bold, printer
 from cruise.cli.reading import NOTES_SHOWN, count_of
 from cruise.effects import EFFECTS
-from cruise.recording import notes_of
+from cruise.recording import Recording, notes_of
 from cruise.report import evidence
 from cruise.report.curve import curve
 from cruise.report.diagnosis import (
@@ -35,7 +35,7 @@ from cruise.report.effect import physics, what
 from cruise.report.evidence import SURE, Number
 from cruise.report.mapping import hints
 from cruise.signals import INPUT
-from cruise.units import MA_PER_UNIT, InputUnit
+from cruise.units import MA_PER_UNIT
 from cruise.validation.candidates import UNNAMED, Refused
 from cruise.validation.curves import LEAST_CURVED, PLAINLY_CURVED
 from cruise.validation.diagnose import SEED, Diagnosis, Verdict
@@ -104,7 +104,7 @@ def say(
             f"{figure(own.refitted_mps)}: its parameters are wrong here, no effect is missing",
             0,
         )
-    for line in (_called(called or {}, study.recordings[0].input_unit), *hints(found), *of_the_core(found)):
+    for line in (_called(called or {}, study.recordings[0]), *hints(found), *of_the_core(found)):
         if line:
             _print(console, line, 0)
     few = (
@@ -134,11 +134,13 @@ def say(
     console.print(f"\npicture: {picture}", soft_wrap=True)
 
 
-def _called(called: Mapping[str, str], unit: InputUnit) -> str:
+def _called(called: Mapping[str, str], read: Recording) -> str:
     """What the recordings call the current and the speed, where they have names of their own; else empty."""
     words = {name: f"{name} is `{theirs}`" for name, theirs in called.items() if theirs != name}
-    if INPUT in words and unit:
-        words[INPUT] += f", 1 of it {MA_PER_UNIT[unit]:g} mA"
+    if INPUT in words and read.input_unit:
+        words[INPUT] += f", 1 of it {MA_PER_UNIT[read.input_unit]:g} mA"
+    if INPUT in words and read.input_rest_ma:
+        words[INPUT] += f", counted from {read.input_rest_ma:g} mA"
     return f"as the recordings have it, {'; '.join(words.values())}" if words else ""
 
 

@@ -45,7 +45,7 @@ from cruise.identification.preparation import PreparationSettings, filter_in_wor
 from cruise.identification.regressors import FitError
 from cruise.model import files
 from cruise.model.files import Provenance
-from cruise.recording import input_unit_of, notes_of
+from cruise.recording import input_rest_of, input_unit_of, notes_of
 from cruise.report.plain import plain
 
 LEAST_SHOWN_PCT = -999.9  # below it a prediction is nonsense, and its digits are noise
@@ -153,6 +153,7 @@ def _save(path: Path, found: Identification, preparation: PreparationSettings) -
         error_ahead_mps=plain(found.held_out.rmse_mps) if found.held_out and not unstable else None,
         horizon_s=found.horizon_s,
         input_unit=input_unit_of(found.recordings),
+        input_rest_ma=input_rest_of(found.recordings),
         note=f"training data {filter_in_words(preparation)}; {found.fitted.message}{runs_away}",
     )
     noise = found.fitted.noise if isinstance(found.fitted, Armax) else ()

@@ -15,9 +15,8 @@ from cruise.identification.preparation import PreparationSettings
 from cruise.model import files
 from cruise.model.model import Model
 from cruise.recording import Recording, RecordingError
-from cruise.service.recordings import ReadingSettings, read_recordings
+from cruise.service.recordings import ReadingSettings, Told, read_recordings
 from cruise.settings import SettingsError
-from cruise.units import InputUnit
 
 PICTURES = (".png", ".svg", ".pdf")
 MODEL_FILES = (".yaml", ".yml")
@@ -58,19 +57,21 @@ def columns_of(
 
 
 def tables(paths: list[Path], read: ReadingSettings, period_s: float | None = None, model: str = "") -> list[Recording]:
-    """The recordings of these files, each on its own grid or on that of `period_s`, in the unit of a model file."""
+    """The recordings of these files, each on its own grid or that of `period_s`, their input as a model file has it."""
     for path in paths:
         if path.is_dir():
             raise RecordingError(f"{path}: is a folder; name the recordings in it, as {path / '*.csv'} does")
         if not path.exists():
             raise RecordingError(f"{path}: no such file")
-    return read_recordings(paths, read, period_s, unit_of_model(model))
+    return read_recordings(paths, read, period_s, told_by(model))
 
 
-def unit_of_model(model: str) -> tuple[InputUnit, str] | None:
-    """The unit in which the recordings of a model file were read, and the file's name; None where it knows none."""
-    unit = files.read(model).provenance.input_unit if model.endswith(MODEL_FILES) else ""
-    return (unit, Path(model).name) if unit else None
+def told_by(model: str) -> Told | None:
+    """How the input of the recordings of a model file was read; None where `model` is none."""
+    if not model.endswith(MODEL_FILES):
+        return None
+    made = files.read(model).provenance
+    return Told(made.input_unit, made.input_rest_ma, model)
 
 
 def prepared_by(period_s: float | None, cutoff_hz: float, file: Model | None) -> PreparationSettings:

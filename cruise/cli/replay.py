@@ -22,14 +22,15 @@ from cruise.cli.reading import (
     Recordings,
     columns_of,
     count_of,
-    unit_of_model,
+    told_by,
     writable,
 )
 from cruise.model import files
-from cruise.recording import input_unit_of
+from cruise.recording import input_rest_of, input_unit_of
 from cruise.report.plain import plain
 from cruise.service import replay as service
 from cruise.service import settings as service_settings
+from cruise.service.recordings import Told
 
 
 def replay(
@@ -50,8 +51,8 @@ def replay(
     loaded = service_settings.load(config)
     if model_file is not None:
         loaded = msgspec.structs.replace(loaded, model=str(model_file))
-    taught = service.replay(recordings, loaded, read, unit_of_model(loaded.model))
-    unit = input_unit_of(taught.recordings)
+    taught = service.replay(recordings, loaded, read, told_by(loaded.model))
+    like = Told(input_unit_of(taught.recordings), input_rest_of(taught.recordings), "those that taught")
     model = taught.node.estimator.factory
     status = taught.node.status(taught.node.ticks * taught.node.period_s)
     report = {
@@ -66,7 +67,7 @@ def replay(
         "frame_faults": {name: count for name, count in sorted(status.faults.items()) if name != "unknown"},
     }
     if test:
-        unseen = service.replay(test, loaded, read, (unit, "those that taught") if unit else None)
+        unseen = service.replay(test, loaded, read, like)
         report["test"] = {
             "recordings": [str(path) for path in test],
             **plain(asdict(service.judge(taught, unseen.recordings))),
@@ -75,7 +76,12 @@ def replay(
         note = f"learned online by cruise replay, from {loaded.model}"
         names = tuple(one.source for one in taught.recordings)
         provenance = files.Provenance(
-            recordings=names, samples=report["samples"], input_unit=unit, made_by=REPLAY, note=note
+            recordings=names,
+            samples=report["samples"],
+            input_unit=like.unit,
+            input_rest_ma=like.rest_ma,
+            made_by=REPLAY,
+            note=note,
         )
         files.save(save, status.learned, provenance)
     if as_json:

@@ -47,6 +47,7 @@ class Provenance(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     error_ahead_mps: float | None = None  # RMS on held-out blocks
     horizon_s: float | None = None  # of that error
     input_unit: InputUnit = ""  # in which its recordings were read
+    input_rest_ma: float = 0.0  # input of the recordings, in mA, that is 0 here
     note: str = ""
 
 

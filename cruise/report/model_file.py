@@ -6,7 +6,7 @@ from cruise.identification.structures import Structure
 from cruise.model import files
 from cruise.model.files import ModelFile, Provenance, Step
 from cruise.model.history import fields_of
-from cruise.recording import input_unit_of
+from cruise.recording import input_rest_of, input_unit_of
 from cruise.validation import ladder
 from cruise.validation.ladder import Added
 from cruise.validation.noise_floor import NoiseFloor
@@ -36,6 +36,7 @@ def model_file(
             error_ahead_mps=error_mps,
             horizon_s=study.horizon_s,
             input_unit=input_unit_of(study.recordings),
+            input_rest_ma=input_rest_of(study.recordings),
             note=f"physical core, fitted to speeds simulated from {study.horizon_s:g} s ahead on",
         )
 

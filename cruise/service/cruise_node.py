@@ -108,12 +108,22 @@ class CruiseNode:
         self.missing: tuple[str, ...] = self.needed
 
     @classmethod
-    def load(cls, settings: CruiseSettings) -> "CruiseNode":
-        """The node with everything that its settings name. SettingsError where a file is wrong."""
+    def load(cls, settings: CruiseSettings, rest_ma: float = 0.0) -> "CruiseNode":
+        """The node with everything that its settings name. SettingsError where a file is wrong.
+
+        `rest_ma` is the current of what was recorded that is 0 on its bus.
+        """
         canopen = CanopenNode.load(settings.dictionary, settings.canopen) if settings.canopen else None
         commissioning = settings.commissioning
         experiments = strict.load(commissioning.experiments, Experiments).experiments if commissioning else ()
-        codec, model = Codec.load(settings.database, settings.can), files.load(settings.model)
+        codec, file = Codec.load(settings.database, settings.can), files.read(settings.model)
+        model, from_ma = files.model_of(settings.model, file), file.provenance.input_rest_ma
+        if from_ma != rest_ma:
+            raise SettingsError(
+                f"{settings.model}: its current is counted from {from_ma:g} mA, where the machine stands, that of the "
+                f"bus from {rest_ma:g}: give the current's signals in {settings.database} that offset, and set "
+                "input_rest_ma in the model's provenance to 0"
+            )
         if not (np.abs(model.poles).max(initial=0.0) < 1.0 and model.dc_gain_mps_per_ma > 0.0):
             raise SettingsError(f"{settings.model}: not a stable drive with a positive gain; identify it anew")
         try:

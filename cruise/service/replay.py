@@ -22,10 +22,9 @@ from cruise.identification.shapes import ahead_rms_mps
 from cruise.recording import Recording, RecordingError, too_slow
 from cruise.service.combine_node import MESSAGES
 from cruise.service.cruise_node import CruiseNode
-from cruise.service.recordings import ReadingSettings, frames_of_log, is_log, read_recordings
+from cruise.service.recordings import ReadingSettings, Told, frames_of_log, is_log, read_recordings
 from cruise.service.settings import CruiseSettings
 from cruise.signals import CONTEXT, INPUT, OUTPUT, SIGNALS, Sample
-from cruise.units import InputUnit
 
 PAUSE_S: Final = 5.0  # s of silence between two files: longer than any signal stays fresh, so that nothing is joined
 FAR: Final = 0.05  # of a signal's range: what is nearer to it is a sensor's noise or offset at its end
@@ -68,10 +67,10 @@ def replay(
     paths: Sequence[str | Path],
     settings: CruiseSettings,
     columns: ReadingSettings,
-    told: tuple[InputUnit, str] | None = None,
+    told: Told | None = None,
 ) -> Replayed:
     """Play every file, one after the other, to one node; `told` as in `read_recordings`."""
-    node = CruiseNode.load(settings)
+    node = CruiseNode.load(settings, told.rest_ma if told is not None else 0.0)
     node.plausibility = None  # what a log holds was commanded by another run than this one
     model = node.estimator.factory
     sender = Codec.load(settings.database, settings.can)
@@ -89,7 +88,9 @@ def replay(
                 f"frame faults: {dict(node.hearing.faults)}; check the addresses and PGNs in the settings"
             )
         recording = _recording(samples, model.period_s, Path(path).name, tuple(notes))
-        recording = replace(recording, input_unit=read[path].input_unit if path in read else "")
+        if path in read:
+            table = read[path]
+            recording = replace(recording, input_unit=table.input_unit, input_rest_ma=table.input_rest_ma)
         absent = model.missing(recording.columns)
         if absent:
             raise RecordingError(

@@ -112,6 +112,24 @@ def test_a_recording_is_read_in_the_unit_that_the_model_was_made_in(verb, tables
     assert alone["ahead"]["rmse_mps"] > 2.0 * told["ahead"]["rmse_mps"]
 
 
+def test_a_recording_is_counted_from_where_those_of_the_model_were(verb, tables):
+    hills = read_csv(tables / "hills.csv", RecordingSettings())
+    reverses = np.where(hills.time_s % 60.0 < 20.0, -1.0, 1.0)
+    lever = 1000.0 + reverses * hills.input
+    lines = [f"{t:.2f},{u:.6g},{v:.6g}" for t, u, v in zip(hills.time_s, lever, reverses * hills.output, strict=True)]
+    (tables / "both.csv").write_text("\n".join(["time_s,lever,ground_speed_mps", *lines]))
+    ahead = [
+        f"{t:.2f},{1000.0 + u:.6g},{v:.6g}" for t, u, v in zip(hills.time_s, hills.input, hills.output, strict=True)
+    ]
+    (tables / "ahead.csv").write_text("\n".join(["time_s,lever,ground_speed_mps", *ahead]))
+    words = ("--input", "lever", "--picture", "p.png", "--json")
+    assert verb("identify", "both.csv", "--model", MODEL, "-o", "m.yaml", *words)[0] == 0
+    rest_ma = files.read(tables / "m.yaml").provenance.input_rest_ma
+    assert rest_ma == pytest.approx(1000.0, abs=60.0)
+    told = judged(verb("compare", "ahead.csv", "--model", "m.yaml", *words)[1])
+    assert any(f"lever: counted from {rest_ma:g} mA like that of m.yaml" in note for note in told["notes"])
+
+
 def test_a_file_of_the_same_name_is_not_the_same_recording(verb, tables):
     (tables / "monday").mkdir()
     (tables / "tuesday").mkdir()

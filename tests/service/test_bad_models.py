@@ -31,6 +31,18 @@ def test_a_model_that_is_no_drive_is_refused_and_its_file_named(changed, tmp_pat
         CruiseNode.load(structs.replace(settings, model=str(path)))
 
 
+def test_a_model_whose_current_is_counted_from_elsewhere_drives_nothing(tmp_path: Path):
+    settings = service_settings.load(CONFIG / "cruise.yaml")
+    path = tmp_path / "lever.yaml"
+    path.write_text(Path(settings.model).read_text().replace("input_unit: ''", "input_rest_ma: 500"))
+    settings = structs.replace(settings, model=str(path))
+    with pytest.raises(
+        SettingsError, match=r"lever\.yaml: its current is counted from 500 mA, where the machine stands"
+    ):
+        CruiseNode.load(settings)
+    assert CruiseNode.load(settings, rest_ma=500.0).estimator.factory.na
+
+
 def test_settings_with_which_nothing_can_be_made_are_refused_in_words():
     settings = service_settings.load(CONFIG / "cruise.yaml")
     estimator = structs.replace(settings.estimator, cutoff_hz=1e-300)

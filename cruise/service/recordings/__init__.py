@@ -13,13 +13,13 @@ signals' of the DBC file.
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import msgspec
 
 from cruise.columns import ColumnSettings, RecordingSettings
 from cruise.csv_file import read_csv
-from cruise.recording import Recording, RecordingError
+from cruise.recording import Recording, RecordingError, counted_from
 from cruise.service.recordings.bus_log import frames_of_log, read_bus_log
 from cruise.service.recordings.measurement import has_channels, read_measurement
 from cruise.service.recordings.parquet import read_parquet
@@ -35,6 +35,7 @@ __all__ = [
     "MEASUREMENT",
     "TABLES",
     "ReadingSettings",
+    "Told",
     "frames_of_log",
     "is_log",
     "read_recording",
@@ -43,28 +44,48 @@ __all__ = [
 ]
 
 
+class Told(NamedTuple):
+    """How the input of recordings is read: in which unit, empty where nobody knows, from where, and who says so."""
+
+    unit: InputUnit
+    rest_ma: float
+    source: str
+
+
 def read_recordings(
-    paths: Sequence[str | Path],
-    settings: ReadingSettings,
-    dt_s: float | None = None,
-    told: tuple[InputUnit, str] | None = None,
+    paths: Sequence[str | Path], settings: ReadingSettings, dt_s: float | None = None, told: Told | None = None
 ) -> list[Recording]:
-    """Return the recordings at `paths` as `read_recording` does, the input of all in one unit.
+    """Return the recordings at `paths` as `read_recording` does, the input of all in one unit, counted from one place.
 
     Where its size alone tells the unit, it is that of the greatest numbers: what can't be per cent in one of the
-    recordings is none in the others. `told` is what unit it is instead, and the name of the model that says so.
+    recordings is none in the others. Where one of them shows at which input the machine stands, all are counted from
+    there. `told` is what it is instead; the settings have the word before that.
     """
     found = [read_recording(path, settings, dt_s) for path in paths]
     telling: list[tuple[InputUnit, str]] = [
-        (unit, Path(one.source).name) for unit in MA_PER_UNIT for one in found if one.input_unit == unit
+        (unit, one.source) for unit in MA_PER_UNIT for one in found if one.input_unit == unit
     ]
-    if not telling:
+    if telling:
+        unit, source = (told.unit, told.source) if told is not None and told.unit else telling[0]
+        like = f"that of {Path(source).name}"
+        found = [
+            one if one.input_unit == unit else _reread(path, one, unit, like, settings, dt_s)
+            for path, one in zip(paths, found, strict=True)
+        ]
+    resting = [(one.input_rest_ma, one.source) for one in found if one.input_rest_ma]
+    if settings.input_rest_ma is not None or (told is None and not resting):
         return found
-    unit, source = told or telling[0]
-    return [
-        one if one.input_unit == unit else _reread(path, one, unit, f"that of {source}", settings, dt_s)
-        for path, one in zip(paths, found, strict=True)
-    ]
+    rest_ma, source = (told.rest_ma, told.source) if told is not None else resting[0]
+    return [one if one.input_rest_ma == rest_ma else _counted(one, rest_ma, source, settings) for one in found]
+
+
+def _counted(alone: Recording, rest_ma: float, source: str, settings: ReadingSettings) -> Recording:
+    """Return a recording with its input counted from elsewhere than it alone tells, and a note on it."""
+    note = f"{settings.input}: counted from {rest_ma:g} mA like that of {Path(source).name}"
+    if alone.input_rest_ma:
+        note += f", and not from {alone.input_rest_ma:g}, as input_rest_ma: {alone.input_rest_ma:g} does"
+    read = counted_from(alone, rest_ma)
+    return replace(read, notes=(note, *read.notes))
 
 
 def _reread(

@@ -32,7 +32,8 @@ LESS: Final = 0.7  # of what they leave in all, with as much evidence; clearly l
 ABOUT: Final = 0.1  # which is as much while it differs by no more than this share
 CLEARLY: Final = 0.6  # of what the best effect leaves where every force is known: all that a curve may leave there
 SAME_SIGNAL: Final = 0.85  # of what a curve takes away: an effect of the same signal that takes as much is the curve
-WHITE: Final = 1.05  # of the noise: a curve that leaves no more, where the effects surely do, has left nothing out
+WHITE: Final = 1.05  # of the noise: a curve that leaves no more, where the effects surely do, has left nothing out,
+WHITE_GAIN: Final = 0.3  # and takes so much of the loss
 WITNESS: Final = "wheel_speed_mps"  # shows all that happens between wheel and ground, whatever the cause:
 WITNESSED: Final = 0.85  # of the evidence for what reads it, from which a cause that leaves no more is the cause
 
@@ -43,33 +44,50 @@ def curve_with_the_word(first: Step, chosen: float, present: Judged) -> tuple[Tr
     `chosen` is the evidence for the effects together, `present` the model with them. Soil that nobody recorded, which
     every field has, shows in what the drive itself moves: such a curve has to leave as little as `MEDIATED` asks of it.
     """
-    curves = [one for one in first.tried if one.name.startswith(UNNAMED)]
+    curves = [one for one in first.tried if one.name.startswith(UNNAMED) and enough(one)]
+    best = max((one for one in curves if _curves(one)), key=counted, default=None)
+    white = [one for one in curves if _leaves_nothing(one, first, chosen, present)]
+    tried = [*sorted(white, key=lambda one: one.compared.loss), *([best] if best is not None else [])]
+    margins = ((one, _margin(one, first, chosen, present)) for one in tried)
+    return next(((one, margin) for one, margin in margins if margin > 0.0), (None, 0.0))
+
+
+def _margin(curve: Tried, first: Step, chosen: float, present: Judged) -> float:
+    """By which margin a curve has the word; none above 0 where it hasn't."""
     named = [one for one in first.tried if not one.name.startswith(UNNAMED)]
-    best, left = max((one for one in curves if _curves(one)), key=counted, default=None), present.loss
-    if best is None or not enough(best) or best.judged.loss >= left:
-        return None, 0.0
+    left = present.loss
+    if curve.judged.loss >= left:
+        return 0.0
     direct = [one.compared.loss for one in named if one.name not in MEDIATORS and one.sureness >= SURE]
-    mine = best.name.removeprefix(UNNAMED)
-    witnessed = unknown(mine) and _witnessed(named, best)
-    all_of_it = best.credit == 1.0 and best.compared.loss <= WHITE * first.background.noise and _clearly(best, present)
-    most = 1.0 if witnessed or all_of_it else 1.0 / LOOSE if best.credit == 1.0 else MEDIATED
+    mine = curve.name.removeprefix(UNNAMED)
+    witnessed = unknown(mine) and _witnessed(named, curve)
+    all_of_it = _leaves_nothing(curve, first, chosen, present)
+    most = 1.0 if witnessed or all_of_it else 1.0 / LOOSE if curve.credit == 1.0 else MEDIATED
     if first.forces is not None:  # soil, too
         most, left = CLEARLY, min(direct, default=left)
-    if best.compared.loss >= min([most * left, *direct]):
-        return None, 0.0
+    if curve.compared.loss >= min([most * left, *direct]):
+        return 0.0
     effects = max([chosen, *(one.counted for one in named if one.gain >= LEAST_GAIN)])
-    margin = best.counted - CURVED[0] - CURVED[1] * best.counted - effects
+    margin = curve.counted - CURVED[0] - CURVED[1] * curve.counted - effects
     noise = first.background.noise
-    less = 1.0 if all_of_it else 1.0 / LOOSE if best.counted >= (1.0 + ABOUT) * effects else LESS
-    if effects <= (1.0 + ABOUT) * best.counted and best.compared.loss < less * left and left > noise:
-        margin = max(margin, ENOUGH * (1.0 - max(best.compared.loss - noise, 0.0) / (FAR * (left - noise))))
-    if witnessed and best.counted >= WITNESSED * effects:
-        margin = max(margin, ENOUGH * (best.counted / effects - WITNESSED) / (1.0 - WITNESSED))
-    if margin <= 0.0:
-        return None, 0.0
+    less = 1.0 if all_of_it else 1.0 / LOOSE if curve.counted >= (1.0 + ABOUT) * effects else LESS
+    if effects <= (1.0 + ABOUT) * curve.counted and curve.compared.loss < less * left and left > noise:
+        margin = max(margin, ENOUGH * (1.0 - max(curve.compared.loss - noise, 0.0) / (FAR * (left - noise))))
+    if witnessed and curve.counted >= WITNESSED * effects:
+        margin = max(margin, ENOUGH * (curve.counted / effects - WITNESSED) / (1.0 - WITNESSED))
     same = [one for one in named if of_the_same(one.name, mine) and enough(one)]
-    taken = [(first.before.loss - one.judged.loss) / (first.before.loss - best.judged.loss) for one in same]
-    return (None, 0.0) if max(taken, default=0.0) >= SAME_SIGNAL else (best, margin)
+    taken = [(first.before.loss - one.judged.loss) / (first.before.loss - curve.judged.loss) for one in same]
+    return 0.0 if max(taken, default=0.0) >= SAME_SIGNAL else margin
+
+
+def _leaves_nothing(curve: Tried, first: Step, chosen: float, present: Judged) -> bool:
+    """Whether it leaves nothing but noise, where the effects, if there are any, surely leave more.
+
+    Soil that nobody recorded is in no curve, so that less of the error is enough.
+    """
+    white = curve.compared.loss <= WHITE * first.background.noise
+    more = white and curve.credit == 1.0 and curve.gain >= WHITE_GAIN
+    return more and (not chosen or _clearly(curve, present))
 
 
 def _clearly(one: Tried, present: Judged) -> bool:
@@ -81,12 +99,13 @@ def effects_are_more(curve: Tried, chosen: Sequence[str], last: Step) -> bool:
     """Whether a curve of a signal through which the effects act errs less only by a little of something else.
 
     What that is, such as dry friction in a curve of the current that knows the direction, need not be enough to be
-    named beside them.
+    named beside them. Where the curve leaves nothing but noise, one more of them has to leave no more.
     """
     known = {signal for name in chosen for signal in acts_through(name)}
     named = [one for one in last.tried if not one.name.startswith(UNNAMED) and one.credit > 0.0]
     least = min((one.judged.loss for one in named), default=last.before.loss)
-    return curve.name.removeprefix(UNNAMED) in known and least < LOOSE * curve.judged.loss
+    white = curve.compared.loss <= WHITE * last.background.noise
+    return curve.name.removeprefix(UNNAMED) in known and least < (WHITE if white else LOOSE) * curve.judged.loss
 
 
 def _witnessed(named: Sequence[Tried], curve: Tried) -> bool:

@@ -46,7 +46,8 @@ FOLDS: Final = 5
 LITTLE: Final = 0.5  # of what an effect takes away where it is fitted alone
 ROUNDING: Final = 1e-9  # of the diagonal of the normal equations
 CLOCK: Final = "time_s"
-CHANCE: Final = 0.3  # R^2 that trees may reach on what nothing moves
+CHANCE: Final = 0.3  # R^2 that trees may reach on what nothing moves,
+LEAST_TOLD: Final = 0.1  # or on white noise with a little of something else
 LEAST_NAMED: Final = 0.2  # of the share, that is lost with a signal that is worth naming
 TREES: Final = {
     "max_iter": 80,
@@ -63,13 +64,15 @@ TREES: Final = {
 class Foretold:
     """R^2, what is foretold in m2/s2, and the signals without which most of it is lost, the costliest first.
 
-    `drift` in m2/s2 is what the clock alone foretells, which counts for none of it.
+    `drift` in m2/s2 is what the clock alone foretells, which counts for none of it; `left` in m2/s2 is all that could
+    be foretold beside that.
     """
 
     share: float
     loss: float
     signals: tuple[str, ...]
     drift: float = 0.0
+    left: float = 0.0
 
 
 def foretold(scene: Scene, present: Fit, others: Sequence[Fit], blocks: np.ndarray) -> Foretold:
@@ -91,7 +94,8 @@ def foretold(scene: Scene, present: Fit, others: Sequence[Fit], blocks: np.ndarr
     named = [name for name in sorted(lost, key=lambda name: -lost[name]) if lost[name] > LEAST_NAMED * all_of_it]
     count = max(len(error), 1)
     loss = max(all_of_it, 0.0) * left / count
-    return Foretold(all_of_it, loss, tuple(named) if all_of_it > CHANCE else (), (whole - left) / count)
+    signals = tuple(named) if all_of_it > LEAST_TOLD else ()
+    return Foretold(all_of_it, loss, signals, (whole - left) / count, left / count)
 
 
 def share_told(scene: Scene, present: Fit, part_mps: np.ndarray, blocks: np.ndarray, by: str = "") -> float:

@@ -95,13 +95,8 @@ def noise_floor(
     horizon: int,
 ) -> NoiseFloor:
     """The floor of errors `horizon` samples ahead; `native` as measured, `recordings` at the model's period."""
-    period_s = recordings[0].dt_s
-    levels = [_white_part(recordings, period_s)]
-    alike = all(abs(one.dt_s - native[0].dt_s) <= SAME_STEP * one.dt_s for one in native)
-    if alike and native[0].dt_s * COARSER < period_s:
-        levels.append(_white_part(native, period_s))
-    flat = [level for level in levels if level is not None and level.flat]
-    known = [level for level in levels if level is not None]
+    known = _levels(native, recordings)
+    flat = [level for level in known if level.flat]
     best = max(flat or known, key=lambda level: level.std_mps, default=None)
     reached, samples = _reached(recordings, predicted_mps, horizon)
     if best is None:
@@ -116,6 +111,11 @@ def noise_floor(
     return NoiseFloor(white, at_most_mps, best.from_hz, best.to_hz, reached, samples)
 
 
+def white_mps(native: Sequence[Recording], recordings: Sequence[Recording]) -> float:
+    """The white part of the measured speed in m/s, without what the drive moves in the spectrum; 0 where not known."""
+    return min((level.std_mps for level in _levels(native, recordings) if level.flat), default=0.0)
+
+
 @dataclass(frozen=True, slots=True)
 class _Level:
     std_mps: float  # of white noise of this level, in samples of the model's period
@@ -123,6 +123,16 @@ class _Level:
     from_hz: float
     to_hz: float
     flat: bool
+
+
+def _levels(native: Sequence[Recording], recordings: Sequence[Recording]) -> list[_Level]:
+    """Those at the model's period and, where that is longer, as measured."""
+    period_s = recordings[0].dt_s
+    levels = [_white_part(recordings, period_s)]
+    alike = all(abs(one.dt_s - native[0].dt_s) <= SAME_STEP * one.dt_s for one in native)
+    if alike and native[0].dt_s * COARSER < period_s:
+        levels.append(_white_part(native, period_s))
+    return [level for level in levels if level is not None]
 
 
 def _white_part(recordings: Sequence[Recording], period_s: float) -> _Level | None:

@@ -24,6 +24,7 @@ from cruise.validation.complete import complete
 from cruise.validation.explanation import PUSHED_S, START, Explanation
 from cruise.validation.judged import Judged
 from cruise.validation.line_pressure import force_of_a_bar
+from cruise.validation.noise_floor import white_mps
 from cruise.validation.search import AT_BOUND, Search
 from cruise.validation.simulation import JUDGED_S, WARM_UP_S, Scene, paced
 from cruise.validation.told import BY_SLOPE, kinds_of
@@ -46,6 +47,7 @@ class Study:
     base: Judged
     horizon_s: float  # in whole periods
     delay_s: float  # of the model that was given
+    white_mps: float  # white part of the measured speed, that nothing foretells; 0 where it is not known
 
     @property
     def period_s(self) -> float:
@@ -124,7 +126,7 @@ def study(
         show("fitting all together")
         found = search.settled(found) if file else search.regrown(found)
     base = search.sufficient(search.judged("", found))
-    return Study(tuple(prepared), search, base, horizon_s, structure.delay_s)
+    return Study(tuple(prepared), search, base, horizon_s, structure.delay_s, white_mps(recordings, prepared))
 
 
 def candidate(name: str, recordings: Sequence[Recording]) -> Candidate:

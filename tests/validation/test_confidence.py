@@ -15,11 +15,13 @@ from cruise.validation.confidence import (
     MOST_THERE,
     answer_of,
     confidence_of,
+    excess,
     in_moments,
     margin_of_the_end,
     untold,
 )
 from cruise.validation.diagnose import Verdict
+from cruise.validation.foretold import Foretold
 from cruise.validation.tried import BEYOND_DOUBT, ENOUGH, RESISTS, asked
 
 PERIOD_S = 0.2
@@ -87,6 +89,21 @@ def test_an_effect_that_leaves_more_of_what_could_be_explained_than_it_takes_is_
         "where nothing is found, a drift is worth a word"
     )
     assert untold(found_so(0.65, 0.1), 0.4 * grade.base.loss, PERIOD_S) < 1.0, "soil that wanders hides no effect"
+
+
+def test_what_is_foretold_counts_as_a_share_of_what_is_no_white_noise(nothing):
+    """A memory that makes the error 1.3 times the noise is all that could be foretold: 0.4 of it."""
+
+    def found(share: float, white: float, base: float = 1.0) -> float:
+        one = replace(nothing.base, raw=base / nothing.base.loss * nothing.base.raw)
+        return excess(Foretold(share, max(share, 0.0), (), left=1.0), one, one, white)
+
+    assert found(0.29, 0.0) < 1.0 < found(0.31, 0.0)
+    assert found(0.19, 0.4) > 1.0 > found(0.17, 0.4)
+    assert found(0.09, 0.9) < 1.0 < found(0.11, 0.9), "trees reach as much on noise alone"
+    assert found(0.19, 1.1) == found(0.19, 0.0), "more noise than error is none"
+    assert found(-0.05, 0.4) < 0.0
+    assert found(0.19, 0.4, base=3.0) < 1.0, "little of what there was at first"
 
 
 def test_an_error_that_stands_in_few_moments_is_neither_noise_nor_soil(nothing):

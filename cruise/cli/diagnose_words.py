@@ -34,6 +34,7 @@ from cruise.report.diagnosis import (
 from cruise.report.effect import physics, what
 from cruise.report.evidence import SURE, Number
 from cruise.report.mapping import hints
+from cruise.report.own_terms import own_terms
 from cruise.signals import INPUT
 from cruise.units import MA_PER_UNIT
 from cruise.validation.candidates import UNNAMED, Refused
@@ -298,7 +299,7 @@ def _commands(
 ) -> list[str]:
     """What adds the effects, one after the other; what asks again with the recording that decides between two.
 
-    Where nothing is missing, what fits a stale model anew.
+    Where nothing is missing, what fits a stale model anew; where no effect is, terms of the signal that is.
     """
     files = " ".join(recordings if len(recordings) <= RECORDINGS_SHOWN else ["RECORDING..."])
     tail = "".join(f" {word}" for word in options)
@@ -309,6 +310,12 @@ def _commands(
         out = "better.yaml" if i == 0 else f"better_{i + 1}.yaml"
         lines.append(f"cruise add {name} --model {base} {files}{tail} -o {out}")
         base = out
+    own = [
+        f"cruise add {shlex.quote(str(one))} --model {base} {files}{tail} -o by_{one.stage}.yaml"
+        for one in own_terms(found)
+    ]
+    if own:
+        return [*own, "a straight line to begin with: bend it as its physics does, and keep what errs least"]
     if stale:
         lines.append(f"cruise identify {files}{tail} --model {base} -o refitted.yaml")
     elif lines:

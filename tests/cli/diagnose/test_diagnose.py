@@ -121,7 +121,8 @@ def test_what_is_not_in_the_table_is_named_by_its_signal_and_its_curve(hills, ca
     assert out.startswith("Something is missing that is none of the effects that cruise knows: a free curve of `pitch_")
     assert "the likeliest effect, `grade`, leaves" in out
     assert "what depends on pitch_deg" in out
-    assert "cruise add" not in out
+    assert "cruise add 'custom(of_pitch_deg, gain, 1 + p1 * (pitch_deg" in out
+    assert "cruise add 'custom(of_pitch_deg, load, -(pitch_deg" in out
     (dependence,) = report(found, MODEL, MODEL)["dependence"]
     slope = np.polyfit(dependence["values"], dependence["curve"], 1)[0]
     assert slope == pytest.approx(-PULL * 9.81 * np.pi / 180.0, rel=0.25)

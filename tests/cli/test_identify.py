@@ -26,7 +26,7 @@ def tables(tmp_path):
     write_csv(recording(good.input, np.zeros(samples)), tmp_path / "parked.csv")
     write_csv(recording(good.input[:200], good.output[:200], 0.5), tmp_path / "slow.csv")
     wave = np.sin(0.3 * np.arange(samples))
-    write_csv(recording(700.0 + 200.0 * wave, wave), tmp_path / "wave.csv")
+    write_csv(recording(700.0 + 200.0 * wave, 1.0 + wave), tmp_path / "wave.csv")
     rng = np.random.default_rng(8)
     current = currents(rng, 400)
     growing = filtered([1e-6], [1.0, -1.02], current - 700.0 + rng.standard_normal(400))

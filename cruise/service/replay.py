@@ -69,13 +69,16 @@ def replay(
     columns: ReadingSettings,
     told: Told | None = None,
 ) -> Replayed:
-    """Play every file, one after the other, to one node; `told` as in `read_recordings`."""
-    node = CruiseNode.load(settings, told.rest_ma if told is not None else 0.0)
+    """Play every file, one after the other, to one node; `told` as in `read_recordings`.
+
+    Tables are counted from where the model is; what was sent on a bus, from 0.
+    """
+    tables = [path for path in paths if not is_log(path, columns)]
+    node = CruiseNode.load(settings, told.rest_ma if told is not None and len(tables) == len(paths) else 0.0)
     node.plausibility = None  # what a log holds was commanded by another run than this one
     model = node.estimator.factory
     sender = Codec.load(settings.database, settings.can)
     recordings, start_s, gates = [], 0.0, Counter[Gate]()
-    tables = [path for path in paths if not is_log(path, columns)]
     read = dict(zip(tables, read_recordings(tables, columns, told=told), strict=True))
     for path, table in read.items():
         _check_rate(path, table, model.period_s)

@@ -8,6 +8,8 @@ from msgspec import structs
 from cruise.cli.places import CONFIG
 from cruise.service import settings as service_settings
 from cruise.service.cruise_node import CruiseNode
+from cruise.service.recordings import ReadingSettings, Told
+from cruise.service.replay import replay
 from cruise.settings import SettingsError
 
 
@@ -41,6 +43,8 @@ def test_a_model_whose_current_is_counted_from_elsewhere_drives_nothing(tmp_path
     ):
         CruiseNode.load(settings)
     assert CruiseNode.load(settings, rest_ma=500.0).estimator.factory.na
+    with pytest.raises(SettingsError, match=r"that of the bus from 0: give the current's signals in .* that offset"):
+        replay([tmp_path / "sent.log"], settings, ReadingSettings(), Told("", 500.0, "lever.yaml"))
 
 
 def test_settings_with_which_nothing_can_be_made_are_refused_in_words():

@@ -282,7 +282,7 @@ def _directed(read: Recording, current: str, speed: str, settings: RecordingSett
     Where its speed falls as its input rises a note says so.
     """
     if settings.input_rest_ma is not None:
-        return counted_from(read, settings.input_rest_ma)
+        read = counted_from(read, settings.input_rest_ma)
     known = np.isfinite(read.input) & np.isfinite(read.output)
     if falls(read.input[known], read.output[known]):
         name, unit = (current, "mA") if np.median(read.input[known]) < 0.0 else (speed, "m/s")
@@ -290,15 +290,17 @@ def _directed(read: Recording, current: str, speed: str, settings: RecordingSett
         turned = entry(name, -scale, -offset)
         note = f"the speed falls as the input rises: if the sign of {name} is reversed, {turned} turns it"
         return replace(read, notes=(*read.notes, note))
+    if settings.input_rest_ma is not None:
+        return read
     rest_ma = float(f"{middle(read.input, read.output, read.dt_s):.3g}")
     if not rest_ma:
         return read
-    note = f"the machine goes both ways and {current} has one sign: it stands at about {rest_ma:g} mA, from where "
+    note = f"the machine goes both ways and {current} has one sign: it stands at about {rest_ma:g} mA"
     if settings.active_when is not None:  # which set it to 0 elsewhere
         scale, offset = _read_by(current, "mA", read, current, settings)
-        note += f"dead zone, stop and hysteresis are counted; {entry(current, scale, offset - rest_ma)} takes that as 0"
+        note += f"; {entry(current, scale, offset - rest_ma)} takes that as 0"
         return replace(read, notes=(*read.notes, note))
-    note += "it is counted; input_rest_ma: 0 in the file of --columns takes it as it is"
+    note += ", which is 0 unless the model's file, or input_rest_ma in that of --columns (0: as it is), says otherwise"
     return counted_from(replace(read, notes=(*read.notes, note)), rest_ma)
 
 

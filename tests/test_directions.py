@@ -88,7 +88,7 @@ def test_an_input_is_counted_from_where_the_machine_stands(tmp_path):
     read = read_csv(path, LEVER)
     said = [note for note in read.notes if STANDS in note]
     assert len(said) == 1
-    assert "it stands at about 500 mA, from where it is counted; input_rest_ma: 0 in the file" in said[0]
+    assert "it stands at about 500 mA, which is 0 unless the model's file, or input_rest_ma in that of" in said[0]
     assert read.input_rest_ma == 500.0
     np.testing.assert_allclose(read.input, 400.0 * lever(), atol=1e-3)
     assert resample(read, 0.2).input_rest_ma == 500.0
@@ -98,6 +98,8 @@ def test_an_input_is_counted_from_where_the_machine_stands(tmp_path):
     assert not any(STANDS in note for note in as_it_is.notes)
     elsewhere = read_csv(path, structs.replace(LEVER, input_rest_ma=480.0))
     np.testing.assert_allclose(elsewhere.input, 20.0 + 400.0 * lever(), atol=1e-3)
+    turned = structs.replace(LEVER, input_rest_ma=-500.0, columns={"lever": ColumnSettings(scale=-10.0)})
+    assert any("the speed falls as the input rises" in note for note in read_csv(path, turned).notes)
 
 
 def test_where_a_flag_sets_it_to_zero_the_entry_is_said_that_counts_from_there(tmp_path):
@@ -109,6 +111,12 @@ def test_where_a_flag_sets_it_to_zero_the_entry_is_said_that_counts_from_there(t
     read = read_csv(path, counted)
     assert not any(STANDS in note for note in read.notes)
     np.testing.assert_allclose(read.input, 400.0 * lever(), atol=1e-3)
+    (told,) = read_recordings(
+        [path],
+        structs.replace(ReadingSettings(input="lever"), active_when=gated.active_when),
+        told=Told("", 480.0, "m.yaml"),
+    )
+    assert told.input_rest_ma == 0.0, "where the flag is off it is 0, whatever the model's recordings were"
     with pytest.raises(ValueError, match="input_rest_ma beside active_when"):
         structs.replace(gated, input_rest_ma=500.0)
 

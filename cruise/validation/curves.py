@@ -48,12 +48,12 @@ def curve_with_the_word(first: Step, chosen: float, present: Judged) -> tuple[Tr
     best = max((one for one in curves if _curves(one)), key=counted, default=None)
     white = [one for one in curves if _leaves_nothing(one, first, chosen, present)]
     tried = [*sorted(white, key=lambda one: one.compared.loss), *([best] if best is not None else [])]
-    margins = ((one, _margin(one, first, chosen, present)) for one in tried)
+    margins = ((one, _margin(one, first, chosen, present, one in white)) for one in tried)
     return next(((one, margin) for one, margin in margins if margin > 0.0), (None, 0.0))
 
 
-def _margin(curve: Tried, first: Step, chosen: float, present: Judged) -> float:
-    """By which margin a curve has the word; none above 0 where it hasn't."""
+def _margin(curve: Tried, first: Step, chosen: float, present: Judged, all_of_it: bool) -> float:
+    """By which margin a curve has the word; none above 0 where it hasn't. `all_of_it`: it leaves nothing but noise."""
     named = [one for one in first.tried if not one.name.startswith(UNNAMED)]
     left = present.loss
     if curve.judged.loss >= left:
@@ -61,7 +61,6 @@ def _margin(curve: Tried, first: Step, chosen: float, present: Judged) -> float:
     direct = [one.compared.loss for one in named if one.name not in MEDIATORS and one.sureness >= SURE]
     mine = curve.name.removeprefix(UNNAMED)
     witnessed = unknown(mine) and _witnessed(named, curve)
-    all_of_it = _leaves_nothing(curve, first, chosen, present)
     most = 1.0 if witnessed or all_of_it else 1.0 / LOOSE if curve.credit == 1.0 else MEDIATED
     if first.forces is not None:  # soil, too
         most, left = CLEARLY, min(direct, default=left)

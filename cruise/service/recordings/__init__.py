@@ -59,7 +59,7 @@ def read_recordings(
 
     Where its size alone tells the unit, it is that of the greatest numbers: what can't be per cent in one of the
     recordings is none in the others. Where one of them shows at which input the machine stands, all are counted from
-    there. `told` is what it is instead; the settings have the word before that.
+    there. `told` is what it is instead; the settings have the word before that, and so has a flag that sets it to 0.
     """
     found = [read_recording(path, settings, dt_s) for path in paths]
     telling: list[tuple[InputUnit, str]] = [
@@ -73,7 +73,8 @@ def read_recordings(
             for path, one in zip(paths, found, strict=True)
         ]
     resting = [(one.input_rest_ma, one.source) for one in found if one.input_rest_ma]
-    if settings.input_rest_ma is not None or (told is None and not resting):
+    said = settings.input_rest_ma is not None or settings.active_when is not None
+    if said or (told is None and not resting):
         return found
     rest_ma, source = (told.rest_ma, told.source) if told is not None else resting[0]
     return [one if one.input_rest_ma == rest_ma else _counted(one, rest_ma, source, settings) for one in found]

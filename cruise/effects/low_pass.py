@@ -44,8 +44,10 @@ def followed_over(values: np.ndarray, time_constant_s: float, dt_s: float) -> np
     """z (N,) of values (N,); NaN in a hole, and begun anew after it."""
     rest = math.exp(-dt_s / max(time_constant_s, AT_ONCE_S))
     result = np.full(len(values), np.nan)
-    ends = np.flatnonzero(np.diff(np.isfinite(values), prepend=False, append=False))
-    for first, end in ends.reshape(-1, 2).tolist():
+    known = np.isfinite(values)
+    whole = known.all() and len(values)
+    ends = [0, len(values)] if whole else np.flatnonzero(np.diff(known, prepend=False, append=False))
+    for first, end in np.reshape(ends, (-1, 2)).tolist():
         begun = [rest * values[first]]
         result[first:end] = scipy.signal.lfilter([1.0 - rest], [1.0, -rest], values[first:end], zi=begun)[0]
     return result

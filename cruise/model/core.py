@@ -61,15 +61,15 @@ class Core:
         return math.exp(-period_s / self.time_constant_s)
 
     def felt(self, drive_ma: np.ndarray, period_s: float) -> np.ndarray:
-        """w (N,) in mA: the drive signal (N,) as the vehicle feels it; before the first sample it was the same."""
+        """w (..., N) in mA: drives (..., N) as the vehicle feels them; before its first sample each was the same."""
         whole, share = _periods(self.delay_s, period_s)
-        held = np.concatenate([np.full(whole + 1, drive_ma[0]), drive_ma])
-        count = len(drive_ma)
-        felt = (1.0 - share) * held[1 : count + 1] + share * held[:count]
+        held = np.concatenate([np.repeat(drive_ma[..., :1], whole + 1, axis=-1), drive_ma], axis=-1)
+        count = drive_ma.shape[-1]
+        felt = (1.0 - share) * held[..., 1 : count + 1] + share * held[..., :count]
         for lag_s in (self.lag_s, self.second_lag_s):
             if lag_s > 0.0:
                 now, before, rest = _lag(lag_s, period_s)
-                felt, _ = scipy.signal.lfilter([now, before], [1.0, -rest], felt, zi=[(1.0 - now) * felt[0]])
+                felt, _ = scipy.signal.lfilter([now, before], [1.0, -rest], felt, zi=(1.0 - now) * felt[..., :1])
         if self.servo_hz:
             felt = _through_pair(felt, self.servo_hz, self.servo_damping, period_s)
         if self.resonance_share == 0.0:
@@ -132,7 +132,7 @@ def _lag(lag_s: float, period_s: float) -> tuple[float, float, float]:
 
 
 def _through_pair(drive_ma: np.ndarray, frequency_hz: float, damping: float, period_s: float) -> np.ndarray:
-    """Means (N,) of a drive (N,), held over each period, after a pair of poles; before the first it was the same."""
+    """Means (..., N) of drives (..., N), held over each period, after a pair of poles; before the first the same."""
     omega = 2.0 * math.pi * frequency_hz
     pole = complex(-damping * omega, omega * math.sqrt(1.0 - damping**2))  # 1/s
     swing = complex(1.0, pole.real / pole.imag) / pole
@@ -141,7 +141,7 @@ def _through_pair(drive_ma: np.ndarray, frequency_hz: float, damping: float, per
     shrink = math.exp(pole.real * period_s)
     denominator = [1.0, -2.0 * shrink * math.cos(pole.imag * period_s), shrink * shrink]
     numerator = np.convolve(np.diff(step, prepend=0.0), denominator)[:3]
-    start = scipy.signal.lfilter_zi(numerator, denominator) * drive_ma[0]
+    start = scipy.signal.lfilter_zi(numerator, denominator) * drive_ma[..., :1]
     return scipy.signal.lfilter(numerator, denominator, drive_ma, zi=start)[0]
 
 

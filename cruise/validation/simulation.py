@@ -18,7 +18,6 @@ from typing import Any, Final
 import numpy as np
 
 from cruise.effects import Effect, Stage
-from cruise.effects.low_pass import held_over
 from cruise.effects.stroke import factor
 from cruise.model.core import Core
 from cruise.model.model import paces, stroke_pace, yields
@@ -26,46 +25,19 @@ from cruise.model.prediction import standing_held
 from cruise.recording import Recording
 from cruise.signals import OUTPUT
 from cruise.validation.explanation import Explanation
+from cruise.validation.raw import Raw, alike, rows
 from cruise.validation.slope import PITCH, SLOPE, pitch_share, slope_deg
 
 WARM_UP_S: Final = 3.0  # s, the paper's horizon: what a prediction at least has to reach, unless told otherwise
 JUDGED_S: Final = 6.0  # s; longer costs more steps, shorter more starts; in proportion where the horizon is shorter
 SETTLES_S: Final = 2.0  # s after a hole in the current until a drive has forgotten what it was; the same
 RAN_AWAY_MPS: Final = 1e3  # m/s, a speed or an error beyond which no more is to be learned
-SAME_TIME: Final = 0.01  # of a period: time stamps that differ by less are one
 CACHED_BYTES: Final = 24_000_000  # of what is kept; what was made first is forgotten first
 
 
 def paced(span_s: float, horizon_s: float) -> float:
     """A span in s that suits the paper's horizon, as much shorter as a drive is quicker that is asked for less."""
     return span_s * min(horizon_s / WARM_UP_S, 1.0)
-
-
-class Raw:
-    """The current of one recording at the rate of its measurement, held through holes, and its means over periods."""
-
-    def __init__(self, fine: Recording, coarse: Recording) -> None:
-        self.dt_s = fine.dt_s
-        self.current_ma = _held(fine.input)
-        edges_s = np.concatenate([[coarse.time_s[0] - coarse.dt_s], coarse.time_s])
-        places = (edges_s - fine.since_s[0]) / fine.dt_s  # of the edges of the periods, in samples
-        whole = np.round(places)
-        self.places = np.where(np.abs(places - whole) < SAME_TIME, whole, places)
-        counts = np.diff(self.places)
-        even = (self.places == whole).all() and (counts == counts[0]).all() and self.places[-1] <= len(fine)
-        self.each = int(counts[0]) if even and self.places[0] >= 0 else 0  # samples in every period
-        self.same = len(fine) == len(coarse)
-
-    def means(self, values: np.ndarray) -> np.ndarray:
-        """Means (N,) over each period of `values` that are each held until the next."""
-        if self.same:
-            return values
-        if self.each:
-            first, last = int(self.places[0]), int(self.places[-1])
-            return values[first:last].reshape(-1, self.each) @ np.full(self.each, 1.0 / self.each)
-        total = np.concatenate([[0.0], np.cumsum(values)])
-        within = np.clip(self.places, 0.0, len(values))
-        return np.diff(np.interp(within, np.arange(len(total)), total)) / np.maximum(np.diff(within), SAME_TIME)
 
 
 class Scene:
@@ -85,6 +57,7 @@ class Scene:
         self.period_s, self.horizon_s = recordings[0].dt_s, horizon_s
         self.recordings = tuple(recordings)
         self.raw = [Raw(fine, one) for fine, one in zip(raw or recordings, recordings, strict=True)]
+        self._alike = alike(self.raw)
         self.speed_mps = np.concatenate([one.output for one in recordings])
         self.current_ma = np.concatenate([one.input for one in recordings])
         self.signals = {
@@ -195,10 +168,12 @@ class Scene:
         shape = replace(core, gain_mps_per_ma=0.0, time_constant_s=1.0, stroke_share=0.0)
 
         def make() -> np.ndarray:
-            parts = []
-            for raw, values in zip(self.raw, self._reshaped(effects), strict=True):
-                parts.append(raw.means(shape.felt(values, raw.dt_s)))
-            return np.concatenate(parts)
+            values, parts = self._reshaped(effects), {}
+            for places in self._alike:
+                dt_s = self.raw[places[0]].dt_s
+                together = shape.felt(rows([values[i] for i in places]), dt_s)
+                parts |= {i: self.raw[i].means(row[: len(values[i])]) for i, row in zip(places, together, strict=True)}
+            return np.concatenate([parts[i] for i in range(len(self.raw))])
 
         return self._kept((shape, tuple(effects), "felt"), make)
 
@@ -304,12 +279,6 @@ class Scene:
         """Measured minus simulated speed (P, N) in m/s, NaN where nothing is judged."""
         with np.errstate(over="ignore", invalid="ignore"):
             return self.speed_mps - self.simulate(batch)
-
-
-def _held(values: np.ndarray) -> np.ndarray:
-    """Values (N,) whose holes hold what was last known; those at first what is known first, zero where nothing is."""
-    known = values[np.isfinite(values)]
-    return np.nan_to_num(held_over(values), nan=known[0] if len(known) else 0.0)
 
 
 def _stacked(effects: Sequence[Effect]) -> Effect:

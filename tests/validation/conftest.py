@@ -1,5 +1,8 @@
 """A study of a plain drive, and diagnoses of four drives, which many tests look at and none changes."""
 
+import os
+from collections.abc import Iterator
+
 import numpy as np
 import pytest
 
@@ -7,6 +10,17 @@ from cruise.validation.diagnose import Diagnosis
 from cruise.validation.study import Study, study
 from tests.validation.diagnosing import HEADER, PERIOD_S, PITCH, SECONDS, STRUCTURE, found
 from tests.validation.driving import GRAVITY_MPS2, drive
+
+
+@pytest.fixture(scope="module", autouse=True)
+def own_core() -> Iterator[None]:
+    """Give a worker of pytest's one of the cores: a search takes all that there are, and two of them would share."""
+    cores = sorted(os.sched_getaffinity(0))
+    worker = os.environ.get("PYTEST_XDIST_WORKER", "")
+    if worker:
+        os.sched_setaffinity(0, {cores[int(worker.removeprefix("gw")) % len(cores)]})
+    yield
+    os.sched_setaffinity(0, cores)
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,6 @@
 """Line pressure holds every force, recorded or not, and tells them from what acts on the command."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 
 import numpy as np
@@ -18,7 +18,15 @@ from tests.validation.driving import GRAVITY_MPS2, drive, wander
 from tools.trial.run import table_without
 
 MASS_KG = 15000.0 + wander(SAMPLES, DT_S, 14, 2500.0, 6.0)
+BESIDE = ("saturation", "quadratic_gain", "dead_zone", "coulomb_friction")  # those that need no signal and are tried
 LITTLE_MPS = 0.011  # standard deviation of a cause that leaves as much as noise of 0.02 m/s at 20 Hz does in 0.2 s
+
+
+@pytest.fixture(scope="module", autouse=True)
+def few() -> Iterator[None]:
+    """Fewer effects are tried, for speed: what is asked here is told by forces and what is no force."""
+    with table_without([name for name, kind in EFFECTS.items() if not kind.needs and name not in BESIDE]):
+        yield
 
 
 def pressed(

@@ -11,6 +11,12 @@ import pytest
 
 from cruise.validation.side_by_side import side_by_side
 
+
+@pytest.fixture(scope="module")
+def own_core() -> None:
+    """None: here all of them are asked for."""
+
+
 several = pytest.mark.skipif(len(os.sched_getaffinity(0)) < 2, reason="needs two cores")
 
 

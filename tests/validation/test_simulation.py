@@ -272,14 +272,15 @@ def test_a_machine_that_rolls_on_steeper_ground_is_not_held_where_it_passes_rest
     assert not scene_of(short).held.any(), "never left alone: nobody knows"
 
 
-def test_recordings_are_never_joined():
-    """Each of them simulated alone says the same, with every memory begun anew."""
-    first, second = recording(), recording(30.0, seed=1)
-    explanation = Explanation(CORE, *CASES["all at once"], 0.1)
-    (together,) = scene_of(first, second).simulate([explanation])
-    for part, one in zip((slice(0, 200), slice(200, 350)), (first, second), strict=True):
+@pytest.mark.parametrize("core", [CORE, replace(CORE, servo_hz=1.0, resonance_share=0.3)])
+def test_recordings_are_never_joined(core):
+    """Each of them simulated alone says the same, with every memory begun anew, whatever is filtered beside it."""
+    recordings = recording(), recording(6.0, seed=2), recording(30.0, seed=1)
+    explanation = Explanation(core, *CASES["all at once"], 0.1)
+    (together,) = scene_of(*recordings).simulate([explanation])
+    for part, one in zip(np.split(together, [200, 230]), recordings, strict=True):
         alone = Scene([one], sorted(one.columns))
-        np.testing.assert_allclose(together[part], alone.simulate([explanation])[0], rtol=0.0, atol=1e-12)
+        np.testing.assert_allclose(part, alone.simulate([explanation])[0], rtol=0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize("dt_s", [0.05, 0.07, 0.12, 0.15, 0.18])

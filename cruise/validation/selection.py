@@ -1,6 +1,6 @@
 """Stepwise selection: the best effect is added while it brings enough; what it makes superfluous is dropped again."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -112,13 +112,15 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
         named = [one for one in step.tried if not one.name.startswith(UNNAMED)]
         before = steps[-2].before if chosen else present
         worthy = [one for one in named if (_further(one, step, before, chosen) if chosen else _first(one, step))]
-        pair = _pair(study, step, rng, show) if not worthy and not chosen else None
+        pair = None
+        if not worthy:
+            pair = _behind(study, step, chosen, rng, show) if chosen else _pair(study, step, rng, show)
         if not worthy and not chosen and pair is None:
             worthy = [one for one in named if _first(replace(one, evidence=one.evidence / NEARLY), step)]
         held, soil = chosen, False
         if pair is not None:
             steps[-1:] = [replace(step, taken=pair.first.name), replace(pair.step, taken=pair.second.name)]
-            chosen, present = [pair.first.name, pair.second.name], pair.second.judged
+            chosen, present = [*chosen, pair.first.name, pair.second.name], pair.second.judged
         elif worthy:
             told = [one for one in worthy if not (chosen and _may_be_soil(one, step))]
             likely, soil = told or worthy, not told  # which it is unless one cause stands for all forces
@@ -287,6 +289,33 @@ def _pair(study: Study, alone: Step, rng: np.random.Generator, show: Show) -> _P
             if gained >= FEW and (more or needed):
                 found.append((both, _Pair(first, step, second)))
     return max(found, key=lambda one: one[0])[1] if found else None
+
+
+def _behind(study: Study, step: Step, chosen: Sequence[str], rng: np.random.Generator, show: Show) -> _Pair | None:
+    """The two effects that a far larger one hides: too little of what was there each, together nearly all that is left.
+
+    No form of the larger one is exact, but what that leaves goes by its own signals: these two act through others.
+    """
+    known = {signal for name in chosen for signal in acts_through(name)}
+    first = next((one for one in step.tried if _elsewhere(one, known) and _takes_with_evidence(one, step)), None)
+    if first is None or len(chosen) + 2 > MOST_EFFECTS:
+        return None
+    possible, _ = candidates(study.recordings, first.judged.explanation)
+    beside = tried_beside(study, first.judged, possible, [*chosen, first.name], rng, show)
+    known |= acts_through(first.name)
+    sure = [one for one in beside.tried if one.gain >= MOST and one.sureness >= BEYOND_DOUBT]
+    second = next((one for one in sure if _elsewhere(one, known)), None)
+    explained = step.before.loss - beside.background.noise
+    if second is None or step.before.loss - second.judged.loss < ALL_OF_IT * explained:
+        return None
+    return _Pair(first, beside, second)
+
+
+def _elsewhere(one: Tried, known: Collection[str]) -> bool:
+    """Whether it is an effect that acts through other signals than those, and none that the drive itself moves."""
+    if one.name.startswith(UNNAMED) or one.name in DYNAMICS or one.name in MEDIATORS:
+        return False
+    return one.credit == 1.0 and acts_through(one.name).isdisjoint(known)
 
 
 def _left_over(chosen: Sequence[str], last: Step, before: Judged) -> Tried | None:

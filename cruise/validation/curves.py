@@ -32,6 +32,7 @@ LESS: Final = 0.7  # of what they leave in all, with as much evidence; clearly l
 ABOUT: Final = 0.1  # which is as much while it differs by no more than this share
 CLEARLY: Final = 0.6  # of what the best effect leaves where every force is known: all that a curve may leave there
 SAME_SIGNAL: Final = 0.85  # of what a curve takes away: an effect of the same signal that takes as much is the curve
+OF_THE_CURRENT: Final = 0.98  # the same of the current, of which there are many laws that are much alike
 WHITE: Final = 1.05  # of the noise: a curve that leaves no more, where the effects surely do, has left nothing out,
 WHITE_GAIN: Final = 0.3  # and takes so much of the loss
 WITNESS: Final = "wheel_speed_mps"  # shows all that happens between wheel and ground, whatever the cause:
@@ -74,9 +75,17 @@ def _margin(curve: Tried, first: Step, chosen: float, present: Judged, all_of_it
         margin = max(margin, ENOUGH * (1.0 - max(curve.compared.loss - noise, 0.0) / (FAR * (left - noise))))
     if witnessed and curve.counted >= WITNESSED * effects:
         margin = max(margin, ENOUGH * (curve.counted / effects - WITNESSED) / (1.0 - WITNESSED))
-    same = [one for one in named if of_the_same(one.name, mine) and enough(one)]
-    taken = [(first.before.loss - one.judged.loss) / (first.before.loss - curve.judged.loss) for one in same]
-    return 0.0 if max(taken, default=0.0) >= SAME_SIGNAL else margin
+    return 0.0 if any(_is_the_curve(one, curve, first) for one in named) else margin
+
+
+def _is_the_curve(one: Tried, curve: Tried, first: Step) -> bool:
+    """Whether an effect takes so much of what a curve of its own signal takes that it is the curve, in its own form."""
+    mine = curve.name.removeprefix(UNNAMED)
+    by_current = law_of(one.name) == mine == INPUT
+    if not by_current and not of_the_same(one.name, mine):
+        return False
+    taken = (first.before.loss - one.judged.loss) / (first.before.loss - curve.judged.loss)
+    return enough(one) and taken >= (OF_THE_CURRENT if by_current else SAME_SIGNAL)
 
 
 def _leaves_nothing(curve: Tried, first: Step, chosen: float, present: Judged) -> bool:

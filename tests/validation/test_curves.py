@@ -162,6 +162,29 @@ def test_a_curve_that_errs_less_only_by_a_little_of_something_else_has_no_word(d
     assert not more(INPUT, curves.WHITE + 0.01)
 
 
+def test_an_effect_that_takes_nearly_all_of_a_curve_of_the_current_is_the_curve(dead_zone):
+    """An overlap that leaks is a dead zone still, though a curve leaves far less than a corner does."""
+    first = replace(dead_zone.steps[0], background=copy(dead_zone.steps[0].background))
+    effect = replace(next(one for one in first.tried if one.name == "dead_zone"), compared=first.before)
+    base = first.before.loss
+    first.background.noise = 0.009 * base
+    curve = replace(effect, name=f"{UNNAMED}{INPUT}", gain=0.99)
+    curve = replace(curve, judged=replace(effect.judged, raw=0.01 * first.before.raw))
+    curve = replace(curve, compared=curve.judged)
+
+    def word(share: float, **other) -> Tried | None:
+        left = base - share * (base - curve.judged.loss)
+        raw = left / base * first.before.raw
+        mine = replace(effect, judged=replace(effect.judged, raw=raw), evidence=curve.evidence, **other)
+        return word_of(replace(first, tried=(curve, mine)), curve.evidence, left)[0]
+
+    least = curves.OF_THE_CURRENT
+    assert word(least + 0.002) is None
+    assert word(least - 0.002) is curve
+    assert word(least + 0.002, name="grade") is curve, "that is no law of the current"
+    assert word(least + 0.002, gain=0.0) is curve, "nor is it enough"
+
+
 def test_a_curve_of_the_speed_is_the_effects_that_are_a_law_of_the_speed_alone():
     mine = {name for name in EFFECTS if curves.of_the_same(name, SPEED)}
     assert mine == {"coulomb_friction", "speed_droop"}

@@ -312,10 +312,10 @@ def _behind(study: Study, step: Step, chosen: Sequence[str], rng: np.random.Gene
 
 
 def _elsewhere(one: Tried, known: Collection[str]) -> bool:
-    """Whether it is an effect that acts through other signals than those, and none that the drive itself moves."""
+    """Whether an effect acts through other signals than those, no soil and through none that the drive itself moves."""
     if one.name.startswith(UNNAMED) or one.name in DYNAMICS or one.name in MEDIATORS:
         return False
-    return one.credit == 1.0 and acts_through(one.name).isdisjoint(known)
+    return one.credit == 1.0 and soil_short(one) == 0.0 and acts_through(one.name).isdisjoint(known)
 
 
 def _left_over(chosen: Sequence[str], last: Step, before: Judged) -> Tried | None:

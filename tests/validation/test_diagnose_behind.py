@@ -93,4 +93,7 @@ def test_what_goes_by_the_signals_of_the_larger_one_may_be_its_form(three, monke
     assert not selection._elsewhere(replace(grade, name="quadratic_gain"), {INPUT})
     assert not selection._elsewhere(replace(grade, name="leakage"), {INPUT}), "soil shows in the pressure"
     assert not selection._elsewhere(replace(grade, name="unnamed:pitch_deg"), {INPUT}), "no effect of the table"
+    soil = replace(grade, name="rolling_resistance", gain=0.5)
+    assert selection._elsewhere(replace(soil, sureness=BEYOND_DOUBT), {INPUT})
+    assert not selection._elsewhere(replace(soil, sureness=BEYOND_DOUBT - 0.1), {INPUT}), "it may be soil"
     assert behind(three, step, ("dead_zone", "saturation", "coulomb_friction")) is None, "one too many"

@@ -6,18 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cruise.effects import EFFECTS
 from cruise.signals import INPUT
 from cruise.validation import selection
 from cruise.validation.diagnose import Diagnosis, diagnose
 from cruise.validation.selection import LEAST_SHARE
 from cruise.validation.study import study
 from cruise.validation.tried import BEYOND_DOUBT, Step, tried_in
-from tests.validation.diagnosing import DT_S, PERIOD_S, PITCH, SAMPLES, SECONDS, STRUCTURE
+from tests.validation.diagnosing import DT_S, PERIOD_S, PITCH, SAMPLES, SECONDS, STRUCTURE, few
 from tests.validation.driving import GRAVITY_MPS2, drive, wander
-from tools.trial.run import table_without
-
-TRIED = ("dead_zone", "quadratic_gain", "saturation", "coulomb_friction")  # and those that need a signal
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +29,7 @@ def three() -> Iterator[Diagnosis]:
         load_mps=-0.025 * GRAVITY_MPS2 * np.sin(np.radians(PITCH)),
         columns={"pitch_deg": PITCH, "engine_speed_rpm": 2000.0 * (1.0 + engine)},
     )
-    with table_without([name for name, kind in EFFECTS.items() if not kind.needs and name not in TRIED]):
+    with few():
         yield diagnose(study([one], STRUCTURE, None, PERIOD_S))
 
 

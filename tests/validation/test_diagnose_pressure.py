@@ -13,19 +13,18 @@ from cruise.signals import INPUT
 from cruise.validation import mediator
 from cruise.validation.diagnose import Diagnosis, Verdict, diagnose
 from cruise.validation.study import study
-from tests.validation.diagnosing import DT_S, HEADER, PERIOD_S, PITCH, SAMPLES, SECONDS, STRUCTURE, found
+from tests.validation.diagnosing import DT_S, HEADER, PERIOD_S, PITCH, SAMPLES, SECONDS, STRUCTURE, few, found
 from tests.validation.driving import GRAVITY_MPS2, drive, wander
 from tools.trial.run import table_without
 
 MASS_KG = 15000.0 + wander(SAMPLES, DT_S, 14, 2500.0, 6.0)
-BESIDE = ("saturation", "quadratic_gain", "dead_zone", "coulomb_friction")  # those that need no signal and are tried
 LITTLE_MPS = 0.011  # standard deviation of a cause that leaves as much as noise of 0.02 m/s at 20 Hz does in 0.2 s
 
 
 @pytest.fixture(scope="module", autouse=True)
-def few() -> Iterator[None]:
-    """Fewer effects are tried, for speed: what is asked here is told by forces and what is no force."""
-    with table_without([name for name, kind in EFFECTS.items() if not kind.needs and name not in BESIDE]):
+def forces_and_others() -> Iterator[None]:
+    """What is asked here is told by forces and a few of what is no force."""
+    with few():
         yield
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from cruise.effects import EFFECTS, Stage
 from cruise.validation.background import DYNAMICS, STRUCTURAL
 from cruise.validation.candidates import MEDIATORS, UNNAMED, Refused, candidates, unnamed, without
-from cruise.validation.curves import acts_through, curve_with_the_word, effects_are_more
+from cruise.validation.curves import acts_through, curve_with_the_word, effects_are_more, of_the_same
 from cruise.validation.judged import Judged, gain, sureness
 from cruise.validation.laws import ruled_out
 from cruise.validation.mediator import one_for_all
@@ -115,7 +115,9 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
         pair = None
         if not worthy:
             pair = _behind(study, step, chosen, rng, show) if chosen else _pair(study, step, rng, show)
-        if not worthy and not chosen and pair is None:
+        if not worthy and pair is None and chosen:
+            worthy = _in_its_curve(step, before, chosen)
+        elif not worthy and pair is None:
             worthy = [one for one in named if _first(replace(one, evidence=one.evidence / NEARLY), step)]
         held, soil = chosen, False
         if pair is not None:
@@ -337,6 +339,21 @@ def _left_over(chosen: Sequence[str], last: Step, before: Judged) -> Tried | Non
         return None
     left = last.before.loss - last.background.noise
     return best if last.before.loss - best.judged.loss >= MOST_OF_IT * left else None
+
+
+def _in_its_curve(step: Step, before: Judged, chosen: Sequence[str]) -> list[Tried]:
+    """Effects that take most of what a curve takes which is none of those found, and through its signal.
+
+    Beside a larger effect, whose form is not exact, they leave too much to be named by themselves. That something
+    depends on the signal the curve has shown; what they take of it has the physics.
+    """
+    curve = _left_over(chosen, step, before)
+    if curve is None:
+        return []
+    signal = curve.name.removeprefix(UNNAMED)
+    of_it = [one for one in step.tried if not one.name.startswith(UNNAMED) and of_the_same(one.name, signal)]
+    sure = [one for one in of_it if enough(one) and one.counted >= FURTHER and soil_short(one) == 0.0]
+    return [one for one in sure if one.gain >= MOST_OF_IT * curve.gain]
 
 
 def _witness_of_the_rest(last: Step) -> str:

@@ -227,7 +227,7 @@ def _fitted(
     effects = [i for i in ranked if i not in curves]
     best = [*effects[: effort.finished], *curves[: effort.curves]]
     for i, finished in zip(best, side_by_side(search.finished, [fits[i] for i in best]), strict=True):
-        show(f"finished {_in_words(everyone[i].name)}")
+        show(f"finished {_in_words(everyone[i].name)}{beside}")
         fits[i] = finished
     best = sorted(effects, key=lambda i: fits[i].cost)[: effort.restarted]
     if best and present.explanation.core.servo_hz:  # which may ring in the place of what else does
@@ -236,6 +236,7 @@ def _fitted(
         best += sorted(curves, key=lambda i: fits[i].cost)[: min(effort.restarted, 1)]
     again = partial(_from_elsewhere, search, present)
     for i, one in zip(best, side_by_side(again, [(everyone[i], fits[i]) for i in best]), strict=True):
+        show(f"begun elsewhere: {_in_words(everyone[i].name)}{beside}")
         fits[i] = min(fits[i], one, key=lambda one: one.cost)
     elsewhere = _stands_elsewhere(search, present)
     better = [

@@ -9,7 +9,7 @@ import pytest
 from cruise.signals import INPUT
 from cruise.validation import selection
 from cruise.validation.diagnose import Diagnosis, diagnose
-from cruise.validation.selection import LEAST_SHARE
+from cruise.validation.selection import FURTHER, LEAST_SHARE
 from cruise.validation.study import study
 from cruise.validation.tried import BEYOND_DOUBT, Step, tried_in
 from tests.validation.diagnosing import DT_S, PERIOD_S, PITCH, SAMPLES, SECONDS, STRUCTURE, few
@@ -93,3 +93,31 @@ def test_what_goes_by_the_signals_of_the_larger_one_may_be_its_form(three, monke
     assert selection._elsewhere(replace(soil, sureness=BEYOND_DOUBT), {INPUT})
     assert not selection._elsewhere(replace(soil, sureness=BEYOND_DOUBT - 0.1), {INPUT}), "it may be soil"
     assert behind(three, step, ("dead_zone", "saturation", "coulomb_friction")) is None, "one too many"
+
+
+CURVE = {"gain": 0.4, "credit": 1.0, "evidence": 300.0, "sureness": BEYOND_DOUBT}
+OF_IT = {"gain": 0.22, "credit": 1.0, "evidence": FURTHER + 30.0, "sureness": BEYOND_DOUBT}
+
+
+@pytest.mark.parametrize(
+    ("curve", "effect", "named"),
+    [
+        ({}, {}, ["engine_speed"]),
+        ({}, {"gain": 0.18}, []),
+        ({}, {"evidence": FURTHER - 1.0}, []),
+        ({}, {"credit": 0.5}, []),
+        ({}, {"name": "oil_temperature"}, []),
+        ({"credit": 0.5}, {}, []),
+        ({"gain": 0.1}, {}, []),
+    ],
+)
+def test_an_effect_that_takes_most_of_a_curve_of_its_own_signal_is_what_the_curve_shows(three, curve, effect, named):
+    _, step, *_ = three.steps
+    shown, found = (tried_in(step, name) for name in ("unnamed:engine_speed_rpm", "engine_speed"))
+    assert shown is not None
+    assert found is not None
+    most = replace(shown.judged, raw=0.3 * step.before.raw)
+    step = replace(step, tried=(replace(shown, judged=most, **(CURVE | curve)), replace(found, **(OF_IT | effect))))
+    assert [one.name for one in selection._in_its_curve(step, step.before, ("dead_zone",))] == named
+    known = ("dead_zone", "engine_speed")  # what goes by the signals of what is there is its own form
+    assert selection._in_its_curve(step, step.before, known) == []

@@ -45,7 +45,8 @@ class EngineDroop(Effect):
         "slows down by the same share, whatever took the torque: crop in the threshing drum, a slope, the drive "
         "itself. A governor with an integral part brings the speed back within some seconds, so that only changes of "
         "the load are felt, and one that loses its load is quicker for a while. Once the engine speed is recorded, "
-        "engine_speed says the same from the cause itself.",
+        "engine_speed says the same from the cause itself; a droop beside it is one that the recorded speed does not "
+        "show, as of a belt that slips, or where it is what the governor was told.",
         equation="g = 1 - delta x / 100 %,  x = max(L - L_0, 0), L through a low-pass of tau, less itself through one "
         "of 1 / r",
         source="ISO 3046-4 (speed droop); SAE J1939-71, SPN 92",

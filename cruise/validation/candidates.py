@@ -192,7 +192,7 @@ def candidates(recordings: Sequence[Recording], explanation: Explanation) -> tup
             continue
         lacks = absent(kind, recordings)
         stays = "" if lacks else still(kind, recordings)
-        reason = lacks or stays or _shown_by_its_cause(kind, recordings)
+        reason = lacks or stays or _shown_by_its_cause(kind, recordings, explanation)
         if reason:
             refused.append(Refused(name, reason, bool(stays)))
         else:
@@ -264,9 +264,15 @@ def _read(kind: type[Effect]) -> list[str]:
     return [need for need in kind.needs if need != OUTPUT]
 
 
-def _shown_by_its_cause(kind: type[Effect], recordings: Sequence[Recording]) -> str:
-    """Why an effect can't be what is missing where its cause is recorded, which another effect reads; or empty."""
+def _shown_by_its_cause(kind: type[Effect], recordings: Sequence[Recording], explanation: Explanation) -> str:
+    """Why an effect can't be what is missing where its cause is recorded, which another effect reads; or empty.
+
+    Beside that other effect it may: what it takes then the cause does not show, as a belt that slips.
+    """
+    read = {need for effect in explanation.effects for need in effect.needs}
     for cause in kind.stands_for:
+        if cause in read:
+            continue
         if all(cause in one.columns and np.isfinite(one.columns[cause]).any() for one in recordings):
             return f"{cause} is recorded, and shows all that it does"
     return ""

@@ -73,6 +73,12 @@ def test_droop_may_be_missing_where_the_engines_speed_is_not_known_everywhere():
     assert study.candidate("engine_droop", [known]).name == "engine_droop"  # whoever asks for it by name gets it
 
 
+def test_droop_that_the_engines_speed_does_not_show_may_be_missing_beside_that():
+    found, refused = candidates([everything()], with_effect(BARE, EngineSpeed()))
+    assert refused == []
+    assert "engine_droop" in {one.name for one in found}
+
+
 def test_what_never_moves_is_not_excited_not_absent():
     still = recorded(engine_speed_rpm=2050.0 + wander(SAMPLES, 0.2, 1, 5.0, 4.0), pitch_deg=np.zeros(SAMPLES))
     assert (

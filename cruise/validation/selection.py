@@ -95,7 +95,7 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
         if len(chosen) == MOST_EFFECTS:
             break
         possible, cannot = candidates(study.recordings, present.explanation)
-        refused = refused or cannot
+        refused = cannot
         curves = unnamed(study.recordings, present.explanation)
         step = tried_beside(study, present, [*possible, *curves], chosen, rng, show)
         renewed = search.plan(step.before.explanation).slots != search.plan(present.explanation).slots

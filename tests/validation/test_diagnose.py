@@ -29,7 +29,7 @@ from cruise.validation.tried import (
 )
 from cruise.validation.unnamed import SPEED
 from cruise.validation.verdict import answered
-from tests.validation.diagnosing import DT_S, HEADER, PERIOD_S, PITCH, SAMPLES, SECONDS, STRUCTURE, begun, found
+from tests.validation.diagnosing import DT_S, HEADER, PERIOD_S, PITCH, SAMPLES, SECONDS, STRUCTURE, begun, few, found
 from tests.validation.driving import GRAVITY_MPS2, drive, wander
 from tools.trial.run import table_without
 
@@ -189,6 +189,18 @@ def test_two_things_of_which_none_is_enough_alone_are_both_named():
     assert {step.taken for step in one.steps} == {"grade", "quadratic_gain", ""}
     assert one.final.loss < (1.0 - MUCH) * one.base.loss
     assert one.confidence < 0.8
+
+
+def test_a_droop_that_the_recorded_engine_speed_does_not_show_is_named_beside_what_that_does():
+    engine = wander(SAMPLES, DT_S, 15, 0.06, 5.0)
+    load_pct = 55.0 + wander(SAMPLES, DT_S, 16, 20.0, 4.0)
+    gain = (1.0 + engine) * (1.0 - 0.0025 * np.maximum(load_pct - 30.0, 0.0))
+    columns = {"engine_speed_rpm": 2000.0 * (1.0 + engine), "engine_load_pct": load_pct}
+    with few():
+        one = diagnose(study([drive(SECONDS, 4, DT_S, 0.01, gain=gain, columns=columns)], STRUCTURE, None, PERIOD_S))
+    assert one.effects == ("engine_speed", "engine_droop")
+    assert one.final.loss < 0.01 * one.base.loss
+    assert "engine_droop" not in {other.effect for other in one.refused}, "it was, before the speed was there"
 
 
 def test_two_signals_that_move_as_one_are_not_told_apart():

@@ -115,10 +115,9 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
         pair = None
         if not worthy:
             pair = _behind(study, step, chosen, rng, show) if chosen else _pair(study, step, rng, show)
-        if not worthy and pair is None and chosen:
-            worthy = _in_its_curve(step, before, chosen)
-        elif not worthy and pair is None:
-            worthy = [one for one in named if _first(replace(one, evidence=one.evidence / NEARLY), step)]
+        if not worthy and pair is None:
+            nearly = [one for one in named if _first(replace(one, evidence=one.evidence / NEARLY), step)]
+            worthy = _in_its_curve(step, before, chosen) if chosen else nearly
         held, soil = chosen, False
         if pair is not None:
             steps[-1:] = [replace(step, taken=pair.first.name), replace(pair.step, taken=pair.second.name)]

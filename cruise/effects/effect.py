@@ -190,6 +190,11 @@ def where(condition: Value, yes: Value, no: Value) -> Value:
     return yes if condition else no
 
 
+def anywhere(condition: Value) -> bool:
+    """Whether the condition holds for any element."""
+    return bool(condition.any()) if isinstance(condition, np.ndarray) else bool(condition)
+
+
 def sign(value: Value) -> Value:
     """-1, 0 or 1, elementwise."""
     return np.sign(value) if isinstance(value, np.ndarray) else float(value > 0) - float(value < 0)

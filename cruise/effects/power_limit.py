@@ -29,7 +29,19 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
-from cruise.effects.effect import EMPTY_KG, GRAVITY_MPS2, About, Effect, Parameter, Stage, State, Value, clip, where
+from cruise.effects.effect import (
+    EMPTY_KG,
+    GRAVITY_MPS2,
+    About,
+    Effect,
+    Parameter,
+    Stage,
+    State,
+    Value,
+    anywhere,
+    clip,
+    where,
+)
 from cruise.effects.low_pass import followed, share
 from cruise.effects.pull import pull, unknown
 from cruise.signals import OUTPUT, Signals
@@ -148,11 +160,12 @@ class PowerLimit(Effect):
         without_mps = past_speed / left
         asked_kw = demand_kw(without_mps, pull_mps2, self.rolling_resistance, signals)
         pressure_bar = signals.get("line_pressure_bar", math.nan)
-        now_kw = self.kn_per_bar * (pressure_bar * without_mps - self.rest_bar * abs(without_mps))
-        felt_kw = followed(shown_kw, now_kw, share(self.filter_s, dt_s))
-        known = felt_kw == felt_kw  # NaN: not measured
-        shown_kw = where(known, felt_kw, shown_kw)
-        asked_kw = where(known * (self.kn_per_bar > 0.0), felt_kw, asked_kw)
+        if anywhere(self.kn_per_bar > 0.0):
+            now_kw = self.kn_per_bar * (pressure_bar * without_mps - self.rest_bar * abs(without_mps))
+            felt_kw = followed(shown_kw, now_kw, share(self.filter_s, dt_s))
+            known = felt_kw == felt_kw  # NaN: not measured
+            shown_kw = where(known, felt_kw, shown_kw)
+            asked_kw = where(known * (self.kn_per_bar > 0.0), felt_kw, asked_kw)
         load_pct = signals.get("engine_load_pct", 0.0)
         taken = where(load_pct == load_pct, self.load_share * load_pct / 100.0, 0.0)  # NaN: not measured
         excess = asked_kw * limited / (self.power_kw * (1.0 - clip(taken, 0.0, MOST_TAKEN))) - (1.0 - CORNER)
@@ -161,13 +174,16 @@ class PowerLimit(Effect):
         held = times**-self.hold
         known = held == held  # NaN: speed or slope not measured
         left = where(known, left + share(self.follow_s, dt_s) * (held - left), left)
-        over_pct = signals.get("engine_load_pct", 0.0) - self.onset_pct
-        over_pct = where(over_pct > 0.0, over_pct, 0.0)  # NaN: not measured
-        released = share(self.release_s, dt_s)
-        cut = clip(cut + released * (self.release_s * self.cut_per_pct_s * over_pct - cut), 0.0, MOST_CUT)
-        beyond_bar = abs(pressure_bar) - self.cutoff_bar
-        over_bar = where((beyond_bar > 0.0) * (self.cutoff_bar < NEVER_BAR), beyond_bar, 0.0)  # NaN: not measured
-        passed = clip(1.0 - self.cut_per_bar * over_bar, 1.0 - MOST_CUT, 1.0)
+        if anywhere(self.onset_pct < NEVER_PCT):
+            over_pct = load_pct - self.onset_pct
+            over_pct = where(over_pct > 0.0, over_pct, 0.0)  # NaN: not measured
+            released = share(self.release_s, dt_s)
+            cut = clip(cut + released * (self.release_s * self.cut_per_pct_s * over_pct - cut), 0.0, MOST_CUT)
+        passed = 1.0
+        if anywhere(self.cutoff_bar < NEVER_BAR):
+            beyond_bar = abs(pressure_bar) - self.cutoff_bar
+            over_bar = where((beyond_bar > 0.0) * (self.cutoff_bar < NEVER_BAR), beyond_bar, 0.0)  # NaN: not measured
+            passed = clip(1.0 - self.cut_per_bar * over_bar, 1.0 - MOST_CUT, 1.0)
         return value * (1.0 - cut) * passed * held, (*pulled, shown_kw, cut, left)
 
 

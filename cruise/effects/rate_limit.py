@@ -82,9 +82,10 @@ class RateLimit(Effect):
         reach_ma = self.rate_ma_per_s * dt_s if self.rate_ma_per_s < UNLIMITED_MA_PER_S else math.inf
         rest = math.exp(-dt_s / max(self.lag_s, AT_ONCE_S))
         current = np.broadcast_to(np.asarray(values, float), len(past_speeds))
-        if len(current) and np.isfinite(current).all():
+        if not np.isinf(current).any():
             lagged = followed_over(current, self.lag_s, dt_s)
-            if np.max(np.abs(np.diff(lagged)), initial=0.0) <= min(reach_ma, self.return_share * reach_ma):
+            most_ma = np.fmax.reduce(np.abs(np.diff(lagged)), initial=0.0)  # holes aside
+            if most_ma <= min(reach_ma, self.return_share * reach_ma):
                 return lagged, lagged
         back_ma = self.return_share * reach_ma
         result, results = math.nan, []

@@ -4,14 +4,16 @@
 
 p holds the core's gain, delay, lag and time constant, the offset, a coefficient for each load and the shapes of all
 effects. The derivatives are forward differences, simulated at once with the error itself: nearly every step that the
-solver tries is taken. Source: L. Ljung, System Identification, 2nd ed. 1999, chapters 7 and 10; solver: scipy's
-least_squares (Branch, Coleman, Li).
+solver tries is taken. All that a solver of least squares needs of errors and derivatives is the triangle R of
+[J e] = Q R, whose p + 1 rows have the same sums of squares and products as the N of [J e]. Source: L. Ljung, System
+Identification, 2nd ed. 1999, chapters 7 and 10; G. H. Golub, C. F. Van Loan, Matrix Computations, 4th ed. 2013, section
+5.3; solver: scipy's least_squares (Branch, Coleman, Li).
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Final
+from typing import Final, TypeVar
 
 import numpy as np
 from scipy import optimize
@@ -26,6 +28,8 @@ INSIDE: Final = 1e-2  # of a typical change, by which a fit starts inside its bo
 MOST_STEPS: Final = 25
 REMEMBERED: Final = 2  # vectors: where the solver stands and what it tries
 FAR: Final = 1e3  # bounds of coefficients, in units of their own scale
+
+Kept = TypeVar("Kept")
 
 
 @dataclass(frozen=True)
@@ -158,6 +162,7 @@ class Objective:
     def __init__(self, scene: Scene, plan: Layout) -> None:
         self.scene, self.plan = scene, plan
         self._known: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
+        self._triangles: dict[bytes, np.ndarray] = {}
 
     def errors(self, vectors: Sequence[np.ndarray]) -> np.ndarray:
         """(P, N), raw, NaN where nothing is judged or a signal is missing."""
@@ -177,13 +182,25 @@ class Objective:
         """Error (N,) and its derivatives (N, p)."""
         return self.residual(vector), self.jacobian(vector)
 
+    def triangle(self, vector: np.ndarray) -> np.ndarray:
+        """R (p + 1, p + 1) of the derivatives and, last, the error."""
+
+        def made() -> np.ndarray:
+            error, slopes = self.differences(vector)
+            return np.linalg.qr(np.column_stack([slopes, error]), mode="r")  # type: ignore[return-value]
+
+        return self._kept(self._triangles, vector, made)
+
     def _here(self, vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return self._kept(self._known, vector, lambda: self._differences(vector))
+
+    def _kept(self, known: dict[bytes, Kept], vector: np.ndarray, make: Callable[[], Kept]) -> Kept:
         key = vector.tobytes()
-        if key not in self._known:
-            if len(self._known) == REMEMBERED:
-                self._known.pop(next(iter(self._known)))
-            self._known[key] = self._differences(vector)
-        return self._known[key]
+        if key not in known:
+            if len(known) == REMEMBERED:
+                known.pop(next(iter(known)))
+            known[key] = make()
+        return known[key]
 
     def _differences(self, vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         _, high = self.plan.bounds
@@ -211,9 +228,9 @@ def fit(
     room = np.minimum(INSIDE * plan.scale, 0.25 * (high - low))  # on a bound the solver would stand still
     start = np.clip(plan.vector, low + room, high - room)
     found = optimize.least_squares(
-        objective.residual,
+        lambda vector: objective.triangle(vector)[:, -1],
         start,
-        jac=objective.jacobian,  # type: ignore[arg-type]
+        jac=lambda vector: objective.triangle(vector)[:, :-1],  # type: ignore[arg-type]
         bounds=(low, high),
         x_scale="jac",
         ftol=tolerance,
@@ -225,6 +242,6 @@ def fit(
         plan,
         found.x,
         objective.raw(found.x),
-        np.asarray(found.jac, np.float32),
+        np.asarray(objective.jacobian(found.x), np.float32),
         float(2.0 * found.cost / max(scene.judged.sum(), 1)),
     )

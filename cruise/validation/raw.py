@@ -5,6 +5,7 @@ from typing import Final
 
 import numpy as np
 
+from cruise.effects import Effect
 from cruise.effects.low_pass import held_over
 from cruise.recording import Recording
 
@@ -44,6 +45,39 @@ def alike(raws: Sequence[Raw]) -> list[list[int]]:
     for i, raw in enumerate(raws):
         found.setdefault((raw.dt_s, len(raw.current_ma).bit_length()), []).append(i)
     return list(found.values())
+
+
+class InTurn:
+    """The currents of all recordings of one rate, one behind the other: many short ones take no longer than a long one.
+
+    Between any two is a hole, behind which whatever reshapes a current begins anew.
+    """
+
+    def __init__(self, raws: Sequence[Raw], places: Sequence[int]) -> None:
+        self.dt_s, self.places = raws[places[0]].dt_s, places
+        counts = [len(raws[i].current_ma) for i in places]
+        ends = np.cumsum(np.add(counts, 1)) - 1
+        self._parts = [slice(end - count, end) for end, count in zip(ends.tolist(), counts, strict=True)]
+        self._holes = ends[:-1]
+        self.current_ma = np.full(ends[-1], np.nan)
+        for i, part in zip(places, self._parts, strict=True):
+            self.current_ma[part] = raws[i].current_ma
+
+    def reshaped(self, effects: Sequence[Effect]) -> dict[int, np.ndarray]:
+        """f(u) of every recording by its place."""
+        value, still = self.current_ma, np.zeros(len(self.current_ma))
+        for effect in effects:
+            value = np.array(effect.over(value, still, {}, self.dt_s)[0])
+            value[self._holes] = np.nan
+        return {i: value[part] for i, part in zip(self.places, self._parts, strict=True)}
+
+
+def in_turn(raws: Sequence[Raw]) -> list[InTurn]:
+    """Recordings of one rate each."""
+    found: dict[float, list[int]] = {}
+    for i, raw in enumerate(raws):
+        found.setdefault(raw.dt_s, []).append(i)
+    return [InTurn(raws, places) for places in found.values()]
 
 
 def rows(values: Sequence[np.ndarray]) -> np.ndarray:

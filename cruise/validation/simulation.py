@@ -25,7 +25,7 @@ from cruise.model.prediction import standing_held
 from cruise.recording import Recording
 from cruise.signals import OUTPUT
 from cruise.validation.explanation import Explanation
-from cruise.validation.raw import Raw, alike, rows
+from cruise.validation.raw import Raw, alike, in_turn, rows
 from cruise.validation.slope import PITCH, SLOPE, pitch_share, slope_deg
 
 WARM_UP_S: Final = 3.0  # s, the paper's horizon: what a prediction at least has to reach, unless told otherwise
@@ -57,7 +57,7 @@ class Scene:
         self.period_s, self.horizon_s = recordings[0].dt_s, horizon_s
         self.recordings = tuple(recordings)
         self.raw = [Raw(fine, one) for fine, one in zip(raw or recordings, recordings, strict=True)]
-        self._alike = alike(self.raw)
+        self._alike, self._in_turn = alike(self.raw), in_turn(self.raw)
         self.speed_mps = np.concatenate([one.output for one in recordings])
         self.current_ma = np.concatenate([one.input for one in recordings])
         self.signals = {
@@ -153,13 +153,10 @@ class Scene:
         """f(u) of every recording at the rate of its measurement."""
 
         def make() -> list[np.ndarray]:
-            parts = []
-            for raw in self.raw:
-                value, still = raw.current_ma, np.zeros(len(raw.current_ma))
-                for effect in effects:
-                    value, _ = effect.over(value, still, {}, raw.dt_s)
-                parts.append(np.asarray(value))
-            return parts
+            parts: dict[int, np.ndarray] = {}
+            for one in self._in_turn:
+                parts |= one.reshaped(effects)
+            return [parts[i] for i in range(len(self.raw))]
 
         return self._kept((tuple(effects), "reshaped"), make)
 
@@ -256,9 +253,10 @@ class Scene:
         else:  # nothing reads the speed: one sum drives it
             gains, speeds = None, ((1.0 - poles) * (gained + forced)).take(self.steps, axis=1)
         for step in range(len(self.steps)):
+            now_mps = speeds[:, step]  # what drives it; then, in its place, the speed
             if gains is not None:
                 now = {name: column[step] for name, column in signals.items()}
-                gain, load = gains[:, step], speeds[:, step]
+                gain, load = gains[:, step], now_mps
                 for i in reading:
                     if i in loads:
                         phi, memory[i] = stacked[i].step(0.0, speed, now, memory[i], self.period_s)
@@ -266,11 +264,12 @@ class Scene:
                     else:
                         gain, memory[i] = stacked[i].step(gain, speed, now, memory[i], self.period_s)
                 fresh = poles * speed + (1.0 - poles) * (gain + load)
-                fresh = np.clip(fresh, -RAN_AWAY_MPS, RAN_AWAY_MPS)  # further on there is no number any more
+                np.clip(fresh, -RAN_AWAY_MPS, RAN_AWAY_MPS, out=now_mps)  # further on there is no number any more
             else:
-                fresh = poles * speed + speeds[:, step]
-            speed = fresh if moved is None else speed + moved[:, step] * (fresh - speed)
-            speeds[:, step] = speed  # in the place of what drove it
+                now_mps += poles * speed
+            if moved is not None:
+                now_mps[:] = speed + moved[:, step] * (now_mps - speed)
+            speed = now_mps
         result = speeds.reshape(len(batch), -1).take(self._place, axis=1)
         result[:, ~self.judged] = np.nan
         return result
@@ -282,11 +281,13 @@ class Scene:
 
 
 def _stacked(effects: Sequence[Effect]) -> Effect:
-    """One effect whose shape parameters are columns (P, 1): P effects that step together."""
-    if all(effect == effects[0] for effect in effects):
-        return effects[0]
-    shape = {name: np.array([getattr(effect, name) for effect in effects])[:, None] for name in effects[0].parameters}
-    return effects[0].reshaped(**shape)
+    """One effect of P that step together: a shape parameter is a column (P, 1), or a number where all have the same."""
+    first = effects[0]
+    if all(effect == first for effect in effects):
+        return first
+    shape = {name: [getattr(effect, name) for effect in effects] for name in first.parameters}
+    different = {name: values for name, values in shape.items() if values.count(values[0]) < len(values)}
+    return first.reshaped(**{name: np.array(values)[:, None] for name, values in different.items()})
 
 
 def _bytes(made: Any) -> int:

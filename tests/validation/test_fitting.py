@@ -315,6 +315,16 @@ def test_the_derivatives_are_those_of_the_errors():
         assert slopes[:, i] == pytest.approx(central, abs=5e-3 * np.max(np.abs(central)))
 
 
+def test_the_solver_sees_a_triangle_with_all_sums_of_squares_and_products():
+    search = search_of(by_the_model(SCATTERED, 1, 60.0))
+    objective = Objective(search.scene, search.plan(SCATTERED))
+    error, slopes = objective.differences(objective.plan.vector)
+    triangle = objective.triangle(objective.plan.vector)
+    whole = np.column_stack([slopes, error])
+    assert triangle.shape == (whole.shape[1], whole.shape[1])
+    np.testing.assert_allclose(triangle.T @ triangle, whole.T @ whole, rtol=1e-9, atol=1e-9)
+
+
 def test_numbers_at_their_upper_bound_are_differentiated_inwards():
     search = search_of(by_the_model(SCATTERED, 1, 60.0), longest_delay_s=0.33)
     plan = search.plan(SCATTERED)

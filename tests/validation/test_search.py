@@ -344,7 +344,7 @@ def test_a_model_is_freed_in_all_that_it_has():
     assert search.all_freed(freed) is freed
 
 
-@pytest.mark.parametrize(("moves_s", "size_mps"), [(0.8, 3.0), (5.0, 10.0)])
+@pytest.mark.parametrize(("moves_s", "size_mps"), [(1.5, 6.0), (5.0, 10.0)])
 def test_a_slow_servo_with_a_load_behind_it_is_found_though_a_fit_holds_the_vehicle_for_slow(moves_s, size_mps):
     pitch = wander(1200, 0.2, 21, 3.0, moves_s)
     load_mps = -size_mps * np.sin(np.radians(pitch))

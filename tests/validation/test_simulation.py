@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cruise.effects import Effect
+from cruise.effects import Custom, Effect, Stage
 from cruise.effects.active_braking import ActiveBraking
 from cruise.effects.coulomb_friction import CoulombFriction
 from cruise.effects.crop_load import CropLoad
@@ -15,7 +15,9 @@ from cruise.effects.gear_ratio import GearRatio
 from cruise.effects.grade import Grade
 from cruise.effects.hysteresis import Hysteresis
 from cruise.effects.power_limit import PowerLimit
+from cruise.effects.quadratic_gain import QuadraticGain
 from cruise.effects.rate_limit import RateLimit
+from cruise.effects.saturation import Saturation
 from cruise.effects.sensor_bias import SensorBias
 from cruise.effects.speed_droop import SpeedDroop
 from cruise.effects.wheel_slip import WheelSlip
@@ -166,6 +168,28 @@ def test_the_mean_of_a_reshaped_current_is_taken_where_the_current_was_measured(
     assert felt[20:] == pytest.approx(np.full(len(coarse) - 20, 50.0), abs=6.0)
     alone, _ = scene_of(coarse).drive((DeadZone(600.0),))
     assert np.max(np.abs(alone)) < 15.0
+
+
+BEGINS_ANEW = [
+    (RateLimit(300.0, 0.2),),
+    (RateLimit(lag_s=0.4),),
+    (Hysteresis(90.0),),
+    (DeadZone(400.0, 30.0, jump_share=0.5, release_share=0.6),),
+    (QuadraticGain(-0.4), Saturation(700.0)),
+    (Custom("square", Stage.COMMAND, "value + 1e-3 * value * value"), Hysteresis(60.0), RateLimit(400.0)),
+]
+
+
+@pytest.mark.parametrize("effects", BEGINS_ANEW, ids=lambda effects: "+".join(one.name for one in effects))
+def test_what_reshapes_the_current_begins_anew_in_each_of_several_recordings(effects):
+    """Those of one rate are reshaped as one."""
+    several = [
+        recording(seconds, seed, dt_s) for seed, (seconds, dt_s) in enumerate([(30.0, 0.2), (9.0, 0.1), (41.0, 0.2)])
+    ]
+    scene = scene_of(*(resample(one, PERIOD_S) for one in several), raw=several)
+    alone = [scene_of(resample(one, PERIOD_S), raw=(one,)).drive(effects)[0] for one in several]
+    np.testing.assert_array_equal(scene.drive(effects)[0], np.concatenate(alone))
+    assert np.ptp(scene.drive(effects)[0] - scene.drive(())[0]) > 30.0
 
 
 @pytest.mark.parametrize("stroke_share", [0.0, 0.6])

@@ -104,6 +104,28 @@ def test_what_rings_is_fitted_from_elsewhere_where_the_core_has_a_pair_of_its_ow
     assert {"resonance", "transport_delay"} <= set(seen)
 
 
+def test_what_takes_nothing_or_is_far_behind_the_best_is_begun_from_nowhere_else(plain, monkeypatch):
+    """No other start mends that, as fits of measured and simulated drives have shown."""
+    seen: list[str] = []
+
+    def elsewhere(search: Search, present: Judged, begun: tuple) -> Fit:
+        seen.append(begun[0].name)
+        return begun[1]
+
+    monkeypatch.setattr(trying, "_from_elsewhere", elsewhere)
+    monkeypatch.setattr(trying, "side_by_side", lambda work, things: [work(thing) for thing in things])
+    tried(plain, plain.base)
+    assert seen == [], "nothing takes anything"
+    pitch = wander(1600, 0.1, 11, 2.5, 5.0)
+    sloped = drive(load_mps=-3.4 * np.sin(np.radians(pitch)), columns={"pitch_deg": pitch})
+    hidden = study([sloped], parse(PLAIN), None, PERIOD_S)
+    costs = {one.name: one.judged.fit.cost for one in tried(hidden, hidden.base).tried}
+    assert seen == ["grade"]
+    _, times = trying.HOPELESS
+    assert costs["grade"] == min(costs.values())
+    assert 0.3 * hidden.base.fit.cost > costs["power_limit"] > times * costs["grade"], "far behind"
+
+
 def test_of_two_kinds_the_one_that_errs_less_beside_the_others_is_kept():
     one = study(
         [drive(160.0, 5, 0.1, 0.02, command=lambda u: np.maximum(u - 350.0, 0.0))], parse(PLAIN), None, PERIOD_S

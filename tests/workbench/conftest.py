@@ -10,6 +10,7 @@ from cruise.cli.places import CONFIG
 
 LAID_OUT = Path(__file__).with_name("laid_out.js").read_text()
 WIDTHS = (1440, 1024, 768, 390)
+PATIENCE_MS = 600_000  # until something is there: jobs give way to whatever else runs, and here other tests do
 
 
 @pytest.fixture(scope="package")
@@ -51,7 +52,7 @@ def visit(chromium, server) -> Iterator[Callable[[], object]]:
 
     def come():
         context = chromium.new_context(viewport={"width": WIDTHS[0], "height": 900}, accept_downloads=True)
-        context.set_default_timeout(90_000)
+        context.set_default_timeout(PATIENCE_MS)
         contexts.append(context)
         page = context.new_page()
         page.on("pageerror", lambda error: errors.append(str(error)))

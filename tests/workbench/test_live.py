@@ -132,10 +132,10 @@ def test_from_watching_straight_into_a_diagnosis(visit):
     page.get_by_text("Watching the virtual combine").wait_for()
     page.get_by_text("The model is as good as usual.").wait_for()
     diagnose = page.get_by_role("button", name="Diagnose the last")
-    diagnose.wait_for(timeout=120_000)
+    diagnose.wait_for()
     page.wait_for_function("!document.querySelector('.q-btn[disabled]')?.innerText?.includes('Diagnose')")
     diagnose.click()
-    page.locator(".chip").first.wait_for(timeout=300_000)  # read, compared, the search has begun
+    page.locator(".chip").first.wait_for()  # read, compared, the search has begun
     page.locator("nav").get_by_text("the last 15 minutes").wait_for()
     page.get_by_role("button", name="Stop", exact=True).click()
     again = page.get_by_role("button", name="What is missing?")

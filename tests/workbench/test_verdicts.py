@@ -10,7 +10,7 @@ from cruise.csv_file import write_csv
 from cruise.recording import Recording
 from cruise.signals import INPUT
 from tests.validation.driving import drive, wander
-from tests.workbench.conftest import laid_out
+from tests.workbench.conftest import PATIENCE_MS, laid_out
 from tests.workbench.test_walk import go, idle
 
 SECONDS, DT_S = 160.0, 0.1
@@ -62,7 +62,7 @@ def asked(page, recording: Recording, tmp_path) -> str:
     go(page, "What is missing")
     page.get_by_role("button", name="What is missing?").click()
     verdict = page.locator("[data-verdict]")
-    verdict.wait_for(timeout=300_000)
+    verdict.wait_for()
     return verdict.get_attribute("data-verdict")
 
 
@@ -130,7 +130,7 @@ def test_every_view_is_laid_out_well(begun, view):
 def begun(chromium, server):
     """One visitor for all views, with the hidden effect added."""
     context = chromium.new_context(viewport={"width": 1440, "height": 900})
-    context.set_default_timeout(120_000)
+    context.set_default_timeout(PATIENCE_MS)
     page = context.new_page()
     page.goto(server)
     page.locator('[data-example="sometimes-slow"]').click()

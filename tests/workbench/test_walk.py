@@ -50,11 +50,11 @@ def test_from_a_recording_to_a_better_model(visit, cache, tmp_path, verb):
 
     go(page, "What is missing")
     page.get_by_role("button", name="What is missing?").click()
-    page.locator('[data-verdict="missing"]').wait_for(timeout=300_000)
+    page.locator('[data-verdict="missing"]').wait_for()
     assert page.locator("[data-add]").first.get_attribute("data-add") == "grade"
     page.locator("[data-add]").first.click()
 
-    page.get_by_text("held-out error of this step").wait_for(timeout=180_000)
+    page.get_by_text("held-out error of this step").wait_for()
     idle(page)
     go(page, "Compare")
     page.get_by_text("taken as it is, nothing was fitted").wait_for()

@@ -41,7 +41,7 @@ from cruise.validation.tried import LEAST_GAIN, Step, Tried, counted, held_out
 FREED: Final = 0.3  # of the cost, that an effect must take away for its spare shape to be tried,
 ELSEWHERE: Final = 0.3  # of the current's range: in any case where a gain turns the drive so far from no current
 ASTRAY: Final = 2.0  # times the cost without an effect, beyond which no fit of it is one: at neutral it takes nothing
-HOPELESS: Final = (0.99, 10.0)  # of the cost without it, and times the best one's: more, and no other start mends it
+HOPELESS: Final = (0.99, 10.0)  # of the cost without it, and times the best effect's: no other start mends as much
 MOVED: Final = 0.03  # of the cost, by which a better core makes all be tried anew from it
 
 Show = Callable[[str], None]
@@ -234,7 +234,7 @@ def _fitted(
     if not chosen:  # where a curve may get the word
         best += sorted(curves, key=lambda i: fits[i].cost)[: min(effort.restarted, 1)]
     little, times = HOPELESS
-    most = min([little * present.fit.cost, *(times * one.cost for one in fits)])
+    most = min([little * present.fit.cost, *(times * fits[i].cost for i in effects)])
     best = [i for i in best if fits[i].cost <= most]
     if effort.restarted and present.explanation.core.servo_hz:  # which may ring in the place of what else does
         best += [i for i in effects if everyone[i].name in STRUCTURAL and i not in best]

@@ -1,6 +1,7 @@
 """What is added to a model, and what is dropped again: every limit of the search, from both sides."""
 
 import itertools
+import math
 from copy import copy
 from dataclasses import replace
 from types import SimpleNamespace
@@ -227,6 +228,7 @@ def test_a_gain_that_is_not_sure_is_not_named(grade, monkeypatch):
         monkeypatch.setattr(f"cruise.validation.tried.{name}", 2.0 * max(one.sureness for one in grade.steps[0].tried))
     monkeypatch.setattr("cruise.validation.tried.RARE", (tried.SURE, RARE[1]))
     monkeypatch.setattr("cruise.validation.tried.WHOLE", (WHOLE[0], tried.SURE))
+    monkeypatch.setattr(selection, "HOPEFUL", (math.inf, 0))  # nor is it one of two
     one = diagnose(grade.study)
     assert one.untold  # a great error all the same
     assert one.effects == ()

@@ -186,7 +186,7 @@ def test_what_reshapes_the_current_begins_anew_in_each_of_several_recordings(eff
     several = [
         recording(seconds, seed, dt_s) for seed, (seconds, dt_s) in enumerate([(30.0, 0.2), (9.0, 0.1), (41.0, 0.2)])
     ]
-    scene = scene_of(*(resample(one, PERIOD_S) for one in several), raw=several)
+    scene = scene_of(*(resample(one, PERIOD_S) for one in several), raw=tuple(several))
     alone = [scene_of(resample(one, PERIOD_S), raw=(one,)).drive(effects)[0] for one in several]
     np.testing.assert_array_equal(scene.drive(effects)[0], np.concatenate(alone))
     assert np.ptp(scene.drive(effects)[0] - scene.drive(())[0]) > 30.0

@@ -187,7 +187,7 @@ class Objective:
 
         def made() -> np.ndarray:
             error, slopes = self.differences(vector)
-            return np.linalg.qr(np.column_stack([slopes, error]), mode="r")  # type: ignore[return-value]
+            return np.asarray(np.linalg.qr(np.column_stack([slopes, error]), mode="r"))
 
         return self._kept(self._triangles, vector, made)
 

@@ -89,38 +89,36 @@ def test_what_the_drive_itself_moves_is_no_direct_cause_in_the_place_of_the_pres
     assert seen[-1].candidate not in (f"{UNNAMED}engine_load_pct", f"{UNNAMED}line_pressure_bar", "leakage")
 
 
-def test_what_rings_is_fitted_from_elsewhere_where_the_core_has_a_pair_of_its_own(monkeypatch):
-    one = study([drive(160.0, noise_mps=0.01, pair=(0.9, 0.7))], parse("arx:na=1,nb=3,delay_s=0.4"), None, PERIOD_S)
-    seen: list[str] = []
+@pytest.fixture
+def begun_elsewhere(monkeypatch) -> list[str]:
+    """What is begun once more from elsewhere, where nothing better is found."""
+    names: list[str] = []
 
     def elsewhere(search: Search, present: Judged, begun: tuple) -> Fit:
-        seen.append(begun[0].name)
+        names.append(begun[0].name)
         return begun[1]
 
     monkeypatch.setattr(trying, "_from_elsewhere", elsewhere)
     monkeypatch.setattr(trying, "side_by_side", lambda work, things: [work(thing) for thing in things])
+    return names
+
+
+def test_what_rings_is_fitted_from_elsewhere_where_the_core_has_a_pair_of_its_own(begun_elsewhere):
+    one = study([drive(160.0, noise_mps=0.01, pair=(0.9, 0.7))], parse("arx:na=1,nb=3,delay_s=0.4"), None, PERIOD_S)
     assert one.base.explanation.core.servo_hz
     tried(one, one.base)
-    assert {"resonance", "transport_delay"} <= set(seen)
+    assert {"resonance", "transport_delay"} <= set(begun_elsewhere)
 
 
-def test_what_takes_nothing_or_is_far_behind_the_best_is_begun_from_nowhere_else(plain, monkeypatch):
+def test_what_takes_nothing_or_is_far_behind_the_best_is_begun_from_nowhere_else(plain, begun_elsewhere):
     """No other start mends that, as fits of measured and simulated drives have shown."""
-    seen: list[str] = []
-
-    def elsewhere(search: Search, present: Judged, begun: tuple) -> Fit:
-        seen.append(begun[0].name)
-        return begun[1]
-
-    monkeypatch.setattr(trying, "_from_elsewhere", elsewhere)
-    monkeypatch.setattr(trying, "side_by_side", lambda work, things: [work(thing) for thing in things])
     tried(plain, plain.base)
-    assert seen == [], "nothing takes anything"
+    assert begun_elsewhere == [], "nothing takes anything"
     pitch = wander(1600, 0.1, 11, 2.5, 5.0)
     sloped = drive(load_mps=-3.4 * np.sin(np.radians(pitch)), columns={"pitch_deg": pitch})
     hidden = study([sloped], parse(PLAIN), None, PERIOD_S)
     costs = {one.name: one.judged.fit.cost for one in tried(hidden, hidden.base).tried}
-    assert seen == ["grade"]
+    assert begun_elsewhere == ["grade"]
     _, times = trying.HOPELESS
     assert costs["grade"] == min(costs.values())
     assert 0.3 * hidden.base.fit.cost > costs["power_limit"] > times * costs["grade"], "far behind"

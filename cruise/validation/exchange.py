@@ -40,13 +40,18 @@ class Place:
 
 
 def exchanged(study: Study, name: str, found: Selected, rng: np.random.Generator, show: Show) -> Place:
-    """The effect against the best of the others, the rest of the model as it is in the end."""
+    """The effect against the best of the others, the rest of the model as it is in the end.
+
+    The one that came last was tried beside that rest already, with all others in its place.
+    """
+    rest = without(found.final.explanation, name)
+    step = step_of(found.steps, name)
     if len(found.chosen) == 1:
         tried = found.steps[0].tried
+    elif study.search.plan(rest).slots == study.search.plan(step.before.explanation).slots:
+        tried = step.tried
     else:
-        rest = without(found.final.explanation, name)
         before = study.search.judged("", study.search.fitted(rest))
-        step = step_of(found.steps, name)
         best = [one.name for one in step.tried if one.name not in found.chosen and not one.name.startswith(UNNAMED)][
             :RIVALS
         ]

@@ -77,22 +77,24 @@ class Layout:
 
     def explanation(self, vector: np.ndarray) -> Explanation:
         one = self.start
-        core, shapes, loads = {}, {}, {}
-        offset_mps = one.offset_mps
-        for slot, value in zip(self.slots, vector.tolist(), strict=True):
-            if slot.owner == "core":
-                core[slot.name] = value
-            elif slot.owner == "offset":
-                offset_mps = value
-            elif slot.name == "load":
-                loads[slot.owner] = value
-            else:
-                shapes.setdefault(slot.owner, {})[slot.name] = value
-        effects = tuple(
-            effect.reshaped(**shapes[effect.name]) if effect.name in shapes else effect for effect in one.effects
-        )
-        kept = tuple(loads.get(one.effects[i].name, old) for i, old in zip(one.at(Stage.LOAD), one.loads, strict=True))
-        return replace(one, core=replace(one.core, **core), effects=effects, loads=kept, offset_mps=offset_mps)
+        for place, value in enumerate(vector.tolist()):
+            one = self.moved(one, place, value)
+        return one
+
+    def moved(self, one: Explanation, place: int, value: float) -> Explanation:
+        """An explanation of this layout with another value of one of its numbers."""
+        slot = self.slots[place]
+        if slot.owner == "core":
+            return replace(one, core=replace(one.core, **{slot.name: value}))
+        if slot.owner == "offset":
+            return replace(one, offset_mps=value)
+        if slot.name == "load":
+            owners = [one.effects[i].name for i in one.at(Stage.LOAD)]
+            kept = zip(owners, one.loads, strict=True)
+            return replace(one, loads=tuple(value if owner == slot.owner else old for owner, old in kept))
+        shape = {slot.name: value}
+        effects = (effect.reshaped(**shape) if effect.name == slot.owner else effect for effect in one.effects)
+        return replace(one, effects=tuple(effects))
 
 
 def layout(
@@ -206,14 +208,16 @@ class Objective:
         _, high = self.plan.bounds
         size = STEP * self.plan.scale
         step = np.where(vector + size > high, -size, size)
-        raw = self.errors([vector, *(vector + np.diag(step))])
+        here = self.plan.explanation(vector)
+        beside = [self.plan.moved(here, place, value) for place, value in enumerate((vector + step).tolist())]
+        raw = self.scene.errors([here, *beside])
         errors = bounded(raw)
         return raw[0].copy(), ((errors[1:] - errors[0]) / step[:, None]).T
 
 
 def bounded(errors: np.ndarray) -> np.ndarray:
     """Errors of which sums of squares can be taken: nothing where nothing is judged, far where a run went away."""
-    return np.clip(np.nan_to_num(errors, posinf=RAN_AWAY_MPS, neginf=-RAN_AWAY_MPS), -RAN_AWAY_MPS, RAN_AWAY_MPS)
+    return np.clip(np.where(np.isnan(errors), 0.0, errors), -RAN_AWAY_MPS, RAN_AWAY_MPS)
 
 
 def fit(

@@ -140,14 +140,14 @@ class Scene:
 
         return self._kept((effect, key), make)
 
-    def drive(self, effects: Sequence[Effect]) -> tuple[np.ndarray, Any]:
-        """f(u) (N,) in mA and what identifies it."""
-        key = tuple(effects)
-        return self._kept((key, "drive"), lambda: self._driven(key)), key
+    def drive(self, effects: Sequence[Effect]) -> np.ndarray:
+        """f(u) (N,) in mA."""
 
-    def _driven(self, effects: Sequence[Effect]) -> np.ndarray:
-        parts = [raw.means(values) for raw, values in zip(self.raw, self._reshaped(effects), strict=True)]
-        return np.concatenate(parts)
+        def make() -> np.ndarray:
+            parts = [raw.means(values) for raw, values in zip(self.raw, self._reshaped(effects), strict=True)]
+            return np.concatenate(parts)
+
+        return self._kept((tuple(effects), "drive"), make)
 
     def _reshaped(self, effects: Sequence[Effect]) -> list[np.ndarray]:
         """f(u) of every recording at the rate of its measurement."""
@@ -174,6 +174,11 @@ class Scene:
 
         return self._kept((shape, tuple(effects), "felt"), make)
 
+    def _pace(self, effect: Effect, command: Sequence[Effect]) -> Any:
+        driven = effect.stage is Stage.DYNAMICS
+        state = self.over(effect, self.drive(command), (command, "paced"))[1] if driven else None
+        return effect.pace(self.signals, state)
+
     # -- the recursion
 
     def simulate(self, batch: Sequence[Explanation]) -> np.ndarray:
@@ -187,15 +192,13 @@ class Scene:
         paced: list[np.ndarray | None] = []
         yieldings: list[Any] = []
         for row, one in enumerate(batch):
-            command = [one.effects[i] for i in chain if one.effects[i].stage is Stage.COMMAND]
-            drive, key = self.drive(command)
+            command = tuple(one.effects[i] for i in chain if one.effects[i].stage is Stage.COMMAND)
             felt = self.felt(one.core, command)
             pace = None
             for i in range(len(effects)):
                 effect = one.effects[i]
                 if paces(effect, one.core.stroke_share):
-                    state = self.over(effect, drive, (key, "paced"))[1] if effect.stage is Stage.DYNAMICS else None
-                    mine = self._kept((effect, key, "pace"), lambda e=effect, s=state: e.pace(self.signals, s))
+                    mine = self._kept((effect, command, "pace"), lambda e=effect, c=command: self._pace(e, c))
                     pace = mine if pace is None else pace * mine
             gain = one.core.gain_mps_per_ma * felt
             yielding: Any = 1.0

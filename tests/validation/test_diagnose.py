@@ -169,12 +169,15 @@ def test_what_the_model_has_is_not_missing_again():
 
 
 def test_two_things_that_are_missing_are_both_named():
-    one = found(command=lambda u: np.maximum(u - 400.0, 0.0), load_mps=-0.35 * GRAVITY_MPS2 * np.sin(np.radians(PITCH)))
+    said = []
+    slope_mps = -0.35 * GRAVITY_MPS2 * np.sin(np.radians(PITCH))
+    one = diagnose(begun(command=lambda u: np.maximum(u - 400.0, 0.0), load_mps=slope_mps), said.append)
     assert one.verdict is Verdict.MISSING
     assert set(one.effects) == {"grade", "dead_zone"}
     assert len(one.steps) >= 2
     assert one.steps[1].before.loss < one.steps[0].before.loss
     assert np.sqrt(one.final.loss) == pytest.approx(0.02 / np.sqrt(2.0), rel=0.35)
+    assert said.count(f"tried saturation beside {one.effects[0]}") == 1  # exchanging the last one tries nothing anew
 
 
 def test_two_things_of_which_none_is_enough_alone_are_both_named():

@@ -153,7 +153,7 @@ def test_a_current_that_nothing_reshapes_is_the_one_of_the_grid(dt_s, averaged):
     fine = replace(recording(dt_s=dt_s), averaged=averaged)
     coarse = resample(fine, PERIOD_S) if dt_s < PERIOD_S else fine
     scene = scene_of(coarse, raw=(fine,))
-    assert scene.drive(())[0] == pytest.approx(coarse.input, abs=1e-9)
+    assert scene.drive(()) == pytest.approx(coarse.input, abs=1e-9)
 
 
 def test_the_mean_of_a_reshaped_current_is_taken_where_the_current_was_measured():
@@ -162,11 +162,11 @@ def test_the_mean_of_a_reshaped_current_is_taken_where_the_current_was_measured(
     u = np.where(np.arange(2000) % 10 < 5, 500.0, 700.0)  # within one period of 0.2 s both
     fine = Recording(time_s, {INPUT: u, OUTPUT: 1.0 + 0.1 * np.sin(time_s)}, dt_s, "fast.csv")
     coarse = resample(fine, PERIOD_S)
-    drive_ma, _ = scene_of(coarse, raw=(fine,)).drive((DeadZone(600.0),))
+    drive_ma = scene_of(coarse, raw=(fine,)).drive((DeadZone(600.0),))
     assert drive_ma[5:] == pytest.approx(np.full(len(coarse) - 5, 50.0), abs=1e-9)
     felt = scene_of(coarse, raw=(fine,)).felt(replace(CORE, delay_s=0.0), (DeadZone(600.0),))
     assert felt[20:] == pytest.approx(np.full(len(coarse) - 20, 50.0), abs=6.0)
-    alone, _ = scene_of(coarse).drive((DeadZone(600.0),))
+    alone = scene_of(coarse).drive((DeadZone(600.0),))
     assert np.max(np.abs(alone)) < 15.0
 
 
@@ -187,9 +187,9 @@ def test_what_reshapes_the_current_begins_anew_in_each_of_several_recordings(eff
         recording(seconds, seed, dt_s) for seed, (seconds, dt_s) in enumerate([(30.0, 0.2), (9.0, 0.1), (41.0, 0.2)])
     ]
     scene = scene_of(*(resample(one, PERIOD_S) for one in several), raw=tuple(several))
-    alone = [scene_of(resample(one, PERIOD_S), raw=(one,)).drive(effects)[0] for one in several]
-    np.testing.assert_array_equal(scene.drive(effects)[0], np.concatenate(alone))
-    assert np.ptp(scene.drive(effects)[0] - scene.drive(())[0]) > 30.0
+    alone = [scene_of(resample(one, PERIOD_S), raw=(one,)).drive(effects) for one in several]
+    np.testing.assert_array_equal(scene.drive(effects), np.concatenate(alone))
+    assert np.ptp(scene.drive(effects) - scene.drive(())) > 30.0
 
 
 @pytest.mark.parametrize("stroke_share", [0.0, 0.6])
@@ -315,7 +315,7 @@ def test_a_mean_is_over_its_period_at_any_rate_of_the_recording(dt_s):
     ends = np.round(1000.0 * (coarse.time_s - fine.since_s[0])).astype(int)
     inside = (ends >= 200) & (ends <= len(each_ms))
     exact = np.array([each_ms[end - 200 : end].mean() for end in ends[inside]])
-    means, _ = scene_of(coarse, raw=(fine,)).drive(())
+    means = scene_of(coarse, raw=(fine,)).drive(())
     np.testing.assert_allclose(means[inside], exact, rtol=0.0, atol=1e-6)
 
 

@@ -5,7 +5,6 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-import can  # noqa: F401  (before asammdf, which imports it half way: it would find no asammdf then)
 import hypothesis
 import pytest
 

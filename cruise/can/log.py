@@ -5,6 +5,7 @@ A log that ends in the middle, as one does when the power goes, gives all its wh
 """
 
 import gzip
+import importlib
 import re
 import sqlite3
 import struct
@@ -16,17 +17,14 @@ from types import TracebackType
 from typing import Final, Self, TextIO, cast
 
 import can
+import can.io.mf4
 from can.io.blf import BLFParseError
 
 from cruise.can.frame import Frame
 from cruise.settings import named
 
-try:  # python-can has imported it by now, where it is installed
-    from asammdf.blocks.utils import MdfException
-except ImportError:
-    MdfException = BLFParseError  # no .mf4 is read then, and python-can says what to install
-
 CANDUMP: Final = ".log"
+MDF: Final = ".mf4"
 _ERROR: Final = 0x20000000  # in candump's identifiers the flag of an error frame; below it is the error's class
 _ANY_ERROR: Final = re.compile(r" [23][0-9A-Fa-f]{7}#")
 _KNOWN_ERROR: Final = " 20000080#"  # the only class of which python-can knows that it is an error
@@ -43,7 +41,6 @@ _UNREADABLE: Final = (
     sqlite3.Error,
     can.CanError,
     BLFParseError,
-    MdfException,
 )
 
 
@@ -130,6 +127,7 @@ def read_log(path: str | Path) -> Iterator[Frame]:
     if not file.is_file():
         raise LogError(f"{path}: no such file; give the path of a recorded log")
     frames, goes_on, missing = 0, False, ""
+    unreadable = _UNREADABLE + (_of_asammdf() if MDF in map(str.lower, file.suffixes) else ())
     try:
         with can.LogReader(file) as reader:
             if isinstance(reader, can.CanutilsLogReader):
@@ -145,7 +143,7 @@ def read_log(path: str | Path) -> Iterator[Frame]:
                 missing = f"{reader.file_size - file.stat().st_size} bytes before its end"
             if isinstance(reader, can.ASCReader) and _unfinished(file):
                 missing = "before the end of its trigger block"
-    except _UNREADABLE as error:
+    except unreadable as error:
         place, reason = f"{path}{_place(file, frames)}", f"cannot be read: {_in_words(error, file)}"
         if goes_on or not frames:
             raise LogError(f"{place}: {reason}") from error
@@ -154,6 +152,16 @@ def read_log(path: str | Path) -> Iterator[Frame]:
         raise LogError(f"{path}: no CAN frame in it; is it a log of another kind?")
     if missing:
         raise BrokenLogError(str(path), f"ends after frame {frames}, {missing}; copy it again")
+
+
+def _of_asammdf() -> tuple[type[Exception], ...]:
+    """Return what asammdf raises, and let python-can find it: that looked for it once, when it was imported."""
+    try:
+        from asammdf.blocks.utils import MdfException
+    except ImportError:  # python-can says what to install
+        return ()
+    importlib.reload(can.io.mf4)
+    return (MdfException,)
 
 
 def _with_known_errors(lines: TextIO) -> Iterator[str]:

@@ -4,10 +4,8 @@ import json
 import subprocess
 import sys
 
-# In a process of its own, as installed: without the extras, one of which python-can would load.
 SCRIPT = """
 import json, sys
-sys.modules["asammdf"] = None
 from msgspec import structs
 from cruise.can.bus import open_bus
 from cruise.can.settings import CanSettings

@@ -14,11 +14,10 @@ ROOT = Path(__file__).parents[3]
 UNITS = ("cruise.service", "cruise-recorder.service")
 collect_ignore_glob = [] if BUS and Path("/run/vcan-units").is_dir() else ["test_*.py"]
 # Where tools/install puts the program. Interpreter, packages and program are mounted there, out of this checkout: the
-# units hide the users' own folders. As installed there are no extras, which python-can would load.
+# units hide the users' own folders.
 START = """#!/bin/sh
 export PYTHONPATH=/opt/cruise/program:/opt/cruise/packages
-exec /opt/cruise/python/bin/python3 -c "import sys; sys.modules['asammdf'] = None
-from cruise.cli import main; main()" "$@"
+exec /opt/cruise/python/bin/python3 -c "from cruise.cli import main; main()" "$@"
 """
 
 

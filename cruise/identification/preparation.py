@@ -39,12 +39,19 @@ def smoother(settings: PreparationSettings, period_s: float) -> Smooth | None:
     if settings.cutoff_hz == 0.0 or settings.cutoff_hz >= 0.5 / period_s:
         return None
     sections = np.asarray(signal.butter(settings.order, settings.cutoff_hz, fs=1.0 / period_s, output="sos"))
-    shortest = max(int(RINGING_S / settings.cutoff_hz / period_s), 3 * (2 * len(sections) + 1) + 1)
+    ends = 3 * (settings.order + 1)  # samples by which a stretch goes on at both ends, turned about them
+    steady = signal.sosfilt_zi(sections)  # scipy's sosfiltfilt works this out in each call, which is most of its time
+    shortest = max(int(RINGING_S / settings.cutoff_hz / period_s), ends + 1)
+
+    def once(values: np.ndarray) -> np.ndarray:
+        begun = steady.reshape(*steady.shape, *[1] * (values.ndim - 1)) * values[:1]
+        return signal.sosfilt(sections, values, axis=0, zi=begun)[0]
 
     def smooth(values: np.ndarray) -> np.ndarray:
         if len(values) <= shortest:
             return np.full(np.shape(values), np.nan)
-        return signal.sosfiltfilt(sections, values, axis=0)
+        along = np.pad(values, [(ends, ends), *[(0, 0)] * (values.ndim - 1)], "reflect", reflect_type="odd")
+        return once(once(along)[::-1])[::-1][ends:-ends]
 
     return smooth
 

@@ -152,7 +152,8 @@ def check_excitation(recordings: Sequence[Recording], drives: np.ndarray) -> Non
 
 def _smoothed(part: np.ndarray, goal: np.ndarray, smooth: Smooth) -> tuple[np.ndarray, np.ndarray]:
     """Columns (n, M) and target of one stretch, filtered; a constant column as it is."""
-    result, target = np.ascontiguousarray(smooth(part.T).T), smooth(goal)
+    together = smooth(np.column_stack([part.T, goal]))
+    result, target = np.ascontiguousarray(together[:, :-1].T), together[:, -1]
     constant = np.ptp(part, axis=1) == 0.0
     result[constant] = part[constant]
     if np.isfinite(target).all() and np.isfinite(result).all():

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy import signal
 
 from cruise.identification.preparation import PreparationSettings, at_period, filter_in_words, smoother
 from cruise.identification.regressors import FitError
@@ -33,6 +34,16 @@ def test_columns_are_filtered_one_by_one_and_a_constant_passes():
     smooth = filter_at(0.2)
     np.testing.assert_allclose(smooth(both)[:, 0], 3.0, rtol=1e-9)
     np.testing.assert_allclose(smooth(both)[:, 1], smooth(both[:, 1]))
+
+
+@pytest.mark.parametrize("order", [1, 3, 9, 10])
+@pytest.mark.parametrize("shape", [(200,), (200, 3)])
+def test_it_is_scipys_forward_and_backward_filter(order, shape):
+    smooth = smoother(PreparationSettings(order=order), 0.2)
+    assert smooth is not None
+    values = np.random.default_rng(order).standard_normal(shape)
+    expected = signal.sosfiltfilt(signal.butter(order, 1.0, fs=5.0, output="sos"), values, axis=0)
+    np.testing.assert_array_equal(smooth(values), expected)
 
 
 def test_a_stretch_that_is_too_short_is_no_number():

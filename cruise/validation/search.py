@@ -113,6 +113,19 @@ class Search:
             fits.append(self.fitted(starts.nearest(weakest.start), QUICK_STEPS))
         return min(fits, key=lambda one: one.cost)
 
+    def begun_straight(self, explanation: Explanation, candidate: Candidate, bent: Sequence[str]) -> Fit:
+        """`begun` where some of the effects that are there begin anew beside the candidate.
+
+        They may have bent to stand in for it, as a parabola does for a dead zone: from there no step leads back.
+        """
+        straight = explanation
+        for name in bent:
+            straight = without(straight, name)
+        found = self.begun(self.fitted(straight).explanation, candidate)
+        for name in bent:
+            found = self.begun(found.explanation, EffectCandidate(name, told=kinds_of(name)))
+        return found
+
     def grown_from_all(self, explanation: Explanation, candidate: Candidate) -> Fit:
         """`grown` from every start: a step from each, a few from the best of them, the best one to its end.
 

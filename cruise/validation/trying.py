@@ -14,12 +14,14 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from cruise.effects import EFFECTS, Stage
+from cruise.signals import INPUT
 from cruise.validation.background import STRUCTURAL, Background
 from cruise.validation.candidates import MEDIATORS, UNNAMED, Candidate, EffectCandidate, with_effect, without
 from cruise.validation.credit import OF_BOTH_SPEEDS, credits_of, lingers
 from cruise.validation.explanation import Explanation
 from cruise.validation.fitting import Fit
 from cruise.validation.judged import Judged, gain, sureness
+from cruise.validation.laws import law_of
 from cruise.validation.mediator import (
     SHOWN,
     SILENT,
@@ -220,7 +222,9 @@ def _fitted(
     """A fit of every candidate: a few steps for all, the best to their end, the very best from elsewhere too."""
     fits: list[Fit] = []
     beside = f" beside {', '.join(chosen)}" if chosen else ""
-    for one, begun in zip(everyone, side_by_side(partial(search.begun, present.explanation), everyone), strict=True):
+    bent = [name for name in present.explanation.names if law_of(name) == INPUT and name not in chosen]
+    begin = partial(_begun, search, present.explanation, bent)
+    for one, begun in zip(everyone, side_by_side(begin, everyone), strict=True):
         show(f"tried {_in_words(one.name)}{beside}")
         fits.append(min(begun, known.get(one.name, begun), key=lambda fit: fit.cost))
     ranked = sorted(range(len(fits)), key=lambda i: fits[i].cost)
@@ -255,6 +259,14 @@ def _fitted(
     ):
         fits[i] = one
     return fits
+
+
+def _begun(search: Search, explanation: Explanation, bent: Sequence[str], candidate: Candidate) -> Fit:
+    """A few steps; of a law of current or speed, those too beside which the model's own laws begin anew."""
+    begun = search.begun(explanation, candidate)
+    if not bent or not law_of(candidate.name):
+        return begun
+    return min(begun, search.begun_straight(explanation, candidate, bent), key=lambda fit: fit.cost)
 
 
 def _stands_elsewhere(search: Search, present: Judged) -> bool:

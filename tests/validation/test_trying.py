@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from cruise.effects.dead_zone import DeadZone
+from cruise.effects.quadratic_gain import QuadraticGain
 from cruise.effects.saturation import Saturation
 from cruise.identification.structures import parse
 from cruise.validation import trying
@@ -20,8 +21,8 @@ from cruise.validation.trying import (
     of_the_best_kind,
     tried_beside,
 )
-from tests.validation.diagnosing import tried
-from tests.validation.driving import drive, wander
+from tests.validation.diagnosing import DT_S, SAMPLES, SECONDS, few, tried
+from tests.validation.driving import drive, levels, wander
 
 PERIOD_S = 0.2
 PLAIN = "arx:na=1,nb=3,delay_s=0.4"
@@ -122,6 +123,23 @@ def test_what_takes_nothing_or_is_far_behind_the_best_is_begun_from_nowhere_else
     _, times = trying.HOPELESS
     assert costs["grade"] == min(costs.values())
     assert 0.3 * hidden.base.fit.cost > costs["power_limit"] > times * costs["grade"], "far behind"
+
+
+def test_a_law_of_the_models_own_that_bent_to_stand_in_for_another_begins_anew_beside_it():
+    """Fitted without the dead zone, the parabola is as sharp as it can be; from there no fit finds all of that."""
+    current_ma = levels(SAMPLES, DT_S, 4, 0.0, 700.0)
+    one = drive(SECONDS, 4, DT_S, 0.02, lambda u: np.maximum(u - 150.0, 0.0), current_ma=current_ma)
+    with few():
+        begun = study([one], parse(f"{PLAIN}+quadratic_gain"), None, PERIOD_S)
+        best = tried(begun, begun.base).tried[0]
+    (bent,), (dead_zone, parabola) = begun.base.explanation.effects, best.judged.explanation.effects
+    assert isinstance(bent, QuadraticGain)
+    assert bent.curvature > 5.0
+    assert best.gain > 0.7
+    assert isinstance(dead_zone, DeadZone)
+    assert dead_zone.threshold_ma == pytest.approx(150.0, abs=10.0)
+    assert isinstance(parabola, QuadraticGain)
+    assert abs(parabola.curvature) < 0.2
 
 
 def test_of_two_kinds_the_one_that_errs_less_beside_the_others_is_kept():

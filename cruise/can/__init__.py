@@ -1,7 +1,7 @@
 """The bus: frames, their meaning and their protection, logs of them, and the CANopen node.
 
 The only place that imports python-can, cantools, canopen and autosar-e2e. python-can imports asammdf wherever that is
-installed, and with it pandas: more than a second of every start, for one format of logs. It is hidden from it here
+installed, and with it pandas: up to a second of every start, for one format of logs. It is hidden from it here
 until `log.py` reads such a log.
 """
 

@@ -15,6 +15,7 @@ wheels is g times as much at the motor, and what the motor loses g times as much
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
@@ -95,12 +96,20 @@ class GearRatio(Effect):
     def over(
         self, values: Value, past_speeds: np.ndarray, signals: Mapping[str, np.ndarray], dt_s: float
     ) -> tuple[Value, State]:
-        """The whole recording at once, where no shift takes time."""
+        """The whole recording, one stretch in a gear after the other."""
         now = self.ratio(signals["gear"])
+        known = np.flatnonzero(np.isfinite(now))
+        gains = now[known]
         if self.shift_s > 0.0:
-            return Effect.over(self, values, past_speeds, signals, dt_s)
-        held = held_over(now)
-        return values * now, (held, held)
+            rest = 1.0 - share(self.shift_s, dt_s)
+            shifts = np.flatnonzero(np.diff(gains)) + 1
+            for first, end in pairwise([0, *shifts.tolist(), len(gains)]):
+                if first and gains[first] != 0.0:
+                    begun, ratio = gains[first - 1] * (1.0 - self.shift_loss), gains[first]
+                    gains[first:end] = ratio + (begun - ratio) * rest ** np.arange(1, end - first + 1)
+        shown = np.full(len(now), np.nan)
+        shown[known] = gains
+        return values * shown, (held_over(now), held_over(shown))
 
     def yielding(self, signals: Signals) -> Value:
         """g^e, 1 where nothing is driven."""

@@ -120,14 +120,17 @@ def test_gears_scale_gain_and_pace_as_in_equations_10_to_12():
 def test_a_shift_interrupts_the_traction_and_the_next_ratio_comes_within_its_time():
     gears = GearRatio(1.0, 2.0, 4.0, 8.0, shift_s=0.5, shift_loss=0.4)
     state, gains = gears.start(0.0), []
-    for gear in [2.0] * 3 + [math.nan] + [3.0] * 40:
+    engaged = [2.0] * 3 + [math.nan] + [3.0] * 40 + [0.0] * 2 + [1.0] * 3 + [math.nan, 0.0, 4.0]
+    for gear in engaged:
         found, state = gears.step(1.0, 0.0, {"gear": gear}, state, 0.2)
         gains.append(found)
     assert gains[:3] == [1.0, 1.0, 1.0]
     assert math.isnan(gains[3])
     rest = math.exp(-0.2 / 0.5)
     assert gains[4:7] == pytest.approx([2.0 - (2.0 - 0.6) * rest**k for k in (1, 2, 3)])
-    assert gains[-1] == pytest.approx(2.0)
+    assert gains[43:46] == pytest.approx([2.0, 0.0, 0.0])
+    nothing = np.zeros(len(engaged))
+    np.testing.assert_allclose(gears.over(nothing + 1.0, nothing, {"gear": np.array(engaged)}, 0.2)[0], gains)
     at_once = GearRatio(1.0, 2.0, 4.0, 8.0)
     assert at_once.step(1.0, 0.0, {"gear": 3.0}, (1.0, 1.0), 0.2)[0] == 2.0
 

@@ -177,7 +177,8 @@ def test_two_things_that_are_missing_are_both_named():
     assert len(one.steps) >= 2
     assert one.steps[1].before.loss < one.steps[0].before.loss
     assert np.sqrt(one.final.loss) == pytest.approx(0.02 / np.sqrt(2.0), rel=0.35)
-    assert said.count(f"tried saturation beside {one.effects[0]}") == 1  # exchanging the last one tries nothing anew
+    first, last = one.effects
+    assert said.count(f"tried {last} beside {first}") == 1  # what the last one is exchanged for was tried in its place
 
 
 def test_two_things_of_which_none_is_enough_alone_are_both_named():

@@ -5,11 +5,14 @@ installed, and with it pandas: up to a second of every start, for one format of 
 until `log.py` reads such a log.
 """
 
+import importlib
 import sys
+from typing import cast
 
 if "asammdf" not in sys.modules:
-    sys.modules["asammdf"] = None  # type: ignore[assignment]  # documented: an import of it fails
+    modules = cast("dict[str, object]", sys.modules)
+    modules["asammdf"] = None  # an import of what is None here fails, as Python's reference has it
     try:
-        import can  # noqa: F401
+        importlib.import_module("can")
     finally:
-        del sys.modules["asammdf"]
+        del modules["asammdf"]

@@ -3,6 +3,7 @@
 import contextlib
 import importlib
 import sqlite3
+import sys
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -61,7 +62,9 @@ def logged(path: Path, frames: Iterable[Frame]) -> Path:
     with can.Logger(path) as logger:
         for frame in frames:
             logger(frame)
-    setattr(can.io.mf4, "asammdf", None)  # noqa: B010  (hidden again: who reads the log finds it by himself)
+    with pytest.MonkeyPatch.context() as patch:  # hidden again: who reads the log finds it by himself
+        patch.setitem(sys.modules, "asammdf", None)
+        importlib.reload(can.io.mf4)
     return path
 
 

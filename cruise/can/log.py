@@ -24,7 +24,7 @@ from cruise.can.frame import Frame
 from cruise.settings import named
 
 CANDUMP: Final = ".log"
-MDF: Final = ".mf4"
+MEASUREMENT: Final = ".mf4"  # of the MDF format, in which there may be frames, too
 _ERROR: Final = 0x20000000  # in candump's identifiers the flag of an error frame; below it is the error's class
 _ANY_ERROR: Final = re.compile(r" [23][0-9A-Fa-f]{7}#")
 _KNOWN_ERROR: Final = " 20000080#"  # the only class of which python-can knows that it is an error
@@ -127,7 +127,7 @@ def read_log(path: str | Path) -> Iterator[Frame]:
     if not file.is_file():
         raise LogError(f"{path}: no such file; give the path of a recorded log")
     frames, goes_on, missing = 0, False, ""
-    unreadable = _UNREADABLE + (_of_asammdf() if MDF in map(str.lower, file.suffixes) else ())
+    unreadable = _UNREADABLE + (_of_asammdf() if MEASUREMENT in map(str.lower, file.suffixes) else ())
     try:
         with can.LogReader(file) as reader:
             if isinstance(reader, can.CanutilsLogReader):

@@ -17,6 +17,7 @@ from typing import Final, NamedTuple
 
 import msgspec
 
+from cruise.can.log import MEASUREMENT
 from cruise.columns import ColumnSettings, RecordingSettings
 from cruise.csv_file import read_csv
 from cruise.recording import Recording, RecordingError, counted_from
@@ -27,7 +28,6 @@ from cruise.service.recordings.settings import ReadingSettings
 from cruise.units import MA_PER_UNIT, InputUnit, entry
 
 TABLES: Final = (".csv", ".parquet")
-MEASUREMENT: Final = ".mf4"
 LOGS: Final = (".log", ".asc", ".blf", ".trc", ".db")
 
 __all__ = [

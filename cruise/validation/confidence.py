@@ -160,7 +160,7 @@ def _short(found: Selected) -> list[float]:
         short += [-last.mediated for _ in nearly]
     if found.chosen and not last.taken:
         loss = found.steps[-2].before.loss
-        shares = [(last.before.loss - one.judged.loss) / loss / least_share(one.name, found.chosen) for one in rest]
+        shares = [(last.before.loss - one.judged.loss) / loss / least_share(one, found.chosen) for one in rest]
         short = [
             max(so_far, 1.0 - share, soil_short(one)) for so_far, share, one in zip(short, shares, rest, strict=True)
         ]

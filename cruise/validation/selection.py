@@ -48,7 +48,7 @@ LEAST_FURTHER: Final = 0.25  # likewise, of the present loss,
 LEAST_SHARE: Final = 0.04  # and of the loss before the effect that was found last, whose form may be as wrong;
 LEAST_DYNAMIC: Final = 0.1  # the same share for two that change the dynamics, where no core's form is exact, either,
 LEAST_COMMAND: Final = 0.12  # for what acts on the command beside hysteresis, of which no form is exact, either,
-LEAST_STRUCTURAL: Final = 0.15  # and for one of the core's own structure, beside which something else was found;
+LEAST_STRUCTURAL: Final = 0.15  # for one of the core's own structure, where it takes less than most, or is in doubt;
 PLAINLY: Final = (12.0, 0.3, 0.1)  # or evidence times gain, where it takes more of both: no wrong form leaves so much
 MOST: Final = 0.5  # of the present loss: what takes more, and beyond doubt or nearly all there is, may be any share
 MOST_OF_IT: Final = 0.5  # of what effects leave above the noise, that a curve must take to show them as substitutes
@@ -208,7 +208,7 @@ def _further(one: Tried, step: Step, before: Judged, chosen: Sequence[str]) -> b
     rest = _takes_all(one, step)
     rough = one.name in DYNAMICS or one.name in MEDIATORS  # a core's form leaves as much, and soil shows there
     hidden = rest and one.gain >= MOST and not rough  # a far larger one hid it
-    if soil_short(one) > 0.0 or (share < least_share(one.name, chosen) and not hidden):
+    if soil_short(one) > 0.0 or (share < least_share(one, chosen) and not hidden):
         return False
     if any(ruled_out(one.name, name, step.tried) for name in chosen):  # what is left is the form of that
         return False
@@ -251,13 +251,15 @@ def _takes_with_evidence(one: Tried, step: Step) -> bool:
     return sure and one.counted >= FURTHER and share >= LEAST_FURTHER
 
 
-def least_share(name: str, chosen: Sequence[str]) -> float:
+def least_share(one: Tried, chosen: Sequence[str]) -> float:
     """What a further effect must take away, of the loss before the effect that was found last."""
-    if name in DYNAMICS and not DYNAMICS.isdisjoint(chosen):
+    if one.name in DYNAMICS and not DYNAMICS.isdisjoint(chosen):
         return LEAST_DYNAMIC
-    if "hysteresis" in chosen and name in EFFECTS and EFFECTS[name].stage is Stage.COMMAND:
+    if "hysteresis" in chosen and one.name in EFFECTS and EFFECTS[one.name].stage is Stage.COMMAND:
         return LEAST_COMMAND
-    return LEAST_STRUCTURAL if name in STRUCTURAL else LEAST_SHARE
+    if one.name in STRUCTURAL:
+        return LEAST_DYNAMIC if one.gain >= MOST and one.sureness >= BEYOND_DOUBT else LEAST_STRUCTURAL
+    return LEAST_SHARE
 
 
 @dataclass(frozen=True, eq=False)

@@ -195,15 +195,18 @@ def test_a_further_effect_of_the_cores_structure_must_take_more_than_a_rough_cor
     before, last = dead_zone.steps[-2].before, dead_zone.steps[-1]
     present = replace(before, raw=0.2 * before.raw)
 
-    def further(name: str, left: float) -> bool:
-        one = replace(last.tried[0], name=name, gain=0.5, evidence=500.0, sureness=5.0, credit=1.0)
+    def further(name: str, left: float, gain: float = 0.5, sureness: float = 0.9 * BEYOND_DOUBT) -> bool:
+        one = replace(last.tried[0], name=name, gain=gain, evidence=500.0, sureness=sureness, credit=1.0)
         one = replace(one, judged=replace(before, raw=left * before.raw))
         return selection._further(one, replace(last, before=present), before, ("dead_zone",))
 
     assert further("grade", 0.1)
-    assert not further("resonance", 0.1)
-    assert not further("transport_delay", 0.1)
+    assert not further("resonance", 0.08)
+    assert not further("transport_delay", 0.08)
     assert further("resonance", 0.04)
+    assert further("resonance", 0.08, sureness=1.1 * BEYOND_DOUBT), "most of what is left, beyond doubt"
+    assert not further("resonance", 0.11, sureness=1.1 * BEYOND_DOUBT), "no core's form is exact"
+    assert not further("resonance", 0.08, gain=0.45, sureness=1.1 * BEYOND_DOUBT)
 
 
 def test_a_force_that_is_missing_too_does_not_hide_a_further_effect(grade):
@@ -252,10 +255,13 @@ def test_an_effect_that_is_nearly_enough_is_named_as_nothing_would_hardly_be_bel
     assert 0.05 < confidence_of(near, answer_of(Verdict.MISSING if chosen else Verdict.NOTHING, chosen)) < 0.6
 
 
-def test_what_acts_on_the_command_beside_hysteresis_must_be_more_than_its_form():
-    assert least_share("dead_zone", ["hysteresis"]) == LEAST_COMMAND > least_share("dead_zone", ["grade"])
-    assert least_share("grade", ["hysteresis"]) == least_share("grade", ["dead_zone"]) < LEAST_COMMAND
-    assert least_share("unnamed:pump_current_ma", ["hysteresis"]) < LEAST_COMMAND
+def test_what_acts_on_the_command_beside_hysteresis_must_be_more_than_its_form(dead_zone):
+    def least(name: str, beside: str) -> float:
+        return least_share(replace(dead_zone.steps[-1].tried[0], name=name), [beside])
+
+    assert least("dead_zone", "hysteresis") == LEAST_COMMAND > least("dead_zone", "grade")
+    assert least("grade", "hysteresis") == least("grade", "dead_zone") < LEAST_COMMAND
+    assert least("unnamed:pump_current_ma", "hysteresis") < LEAST_COMMAND
 
 
 def test_what_stood_in_for_a_better_core_is_dropped_once_that_is_there():

@@ -14,7 +14,7 @@ from typing import Final
 import msgspec
 import numpy as np
 
-from cruise.directions import falls, middle
+from cruise.directions import along, falls, middle, unsigned
 from cruise.grid import typical_step
 from cruise.recording import MIN_SAMPLES, Readings, Recording, RecordingError, counted_from, listed, on_grid
 from cruise.sampling import FloatArray
@@ -48,6 +48,8 @@ LARGEST: Final[dict[InputUnit, float]] = {
 
 Valves and small motors are driven by up to 10 or 12 V; per cent that go to 15 only say so in their name.
 """
+TURNING: Final = ("wheel_speed_mps", "line_pressure_bar")
+"""Signals that are below 0 while a machine goes backward, and that many a sensor shows without a sign."""
 
 
 class ColumnSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -279,8 +281,9 @@ def _in_ma(name: str, signals: dict[str, Readings], settings: RecordingSettings,
 def _directed(read: Recording, current: str, speed: str, settings: RecordingSettings) -> Recording:
     """Return the recording with its input counted from where the machine stands, and notes on that.
 
-    Where its speed falls as its input rises a note says so.
+    Where its speed falls as its input rises a note says so. What shows only its size gets the sign of the motion.
     """
+    read = _signed(read)
     if settings.input_rest_ma is not None:
         read = counted_from(read, settings.input_rest_ma)
     known = np.isfinite(read.input) & np.isfinite(read.output)
@@ -302,6 +305,18 @@ def _directed(read: Recording, current: str, speed: str, settings: RecordingSett
         return replace(read, notes=(*read.notes, note))
     note += ", which is 0 unless the model's file, or input_rest_ma in that of --columns (0: as it is), says otherwise"
     return counted_from(replace(read, notes=(*read.notes, note)), rest_ma)
+
+
+def _signed(read: Recording) -> Recording:
+    """Return the recording with the sign of the motion in what turns with it and was recorded without one."""
+    sizes = [name for name in TURNING if name in read.columns and unsigned(read.columns[name], read.output)]
+    signed = {name: along(read.columns[name], read.output, read.dt_s) for name in sizes}
+    notes = (
+        f"{name}: above 0 while the machine goes backward, too: taken as a size, with the sign of the motion, which a "
+        f"bus should give it as well"
+        for name in sizes
+    )
+    return replace(read, columns={**read.columns, **signed}, notes=(*read.notes, *notes))
 
 
 def _read_by(name: str, unit: str, read: Recording, current: str, settings: RecordingSettings) -> tuple[float, float]:

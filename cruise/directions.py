@@ -4,7 +4,8 @@
 
 u input, d dead time in samples, u_0 the input at which the machine stands. A pump that reverses is steered by a current
 of either sign, a lever or a valve driver by one that has its middle at half of all. Dead zone, stop and hysteresis are
-counted from there, so that an input whose middle is elsewhere hides them.
+counted from there, so that an input whose middle is elsewhere hides them. A gauge behind a shuttle valve and a sensor
+at a toothed wheel show the size of a pressure and a speed, whichever way the machine goes.
 """
 
 import math
@@ -22,6 +23,7 @@ LONGEST_S: Final = 2.0  # s from an input to the speed
 STEP_S: Final = 0.1  # s between dead times that are tried
 WRONG: Final = 0.05  # of the time that it goes one way, in which the input may say the other
 FOLLOWS: Final = 0.3  # correlation of input and speed while it goes backward: one that rolls back down has none
+MEAN_S: Final = 0.5  # s over which a speed has no noise to speak of
 PLACES: Final = 200  # of the range of the input, at which its middle is looked for
 
 
@@ -51,6 +53,31 @@ def middle(inputs: FloatArray, speeds_mps: FloatArray, dt_s: float) -> float:
     slow = np.abs(speeds_mps) < SLOW / FAST * fast_mps
     stands = at_mps[slow & np.isfinite(at_mps)]
     return float(np.median(stands)) if len(stands) >= OFTEN * known.sum() else place
+
+
+def unsigned(values: FloatArray, speeds_mps: FloatArray) -> bool:
+    """Whether a column (N,) that turns with the motion shows only its size, NaN in holes: a machine goes both ways."""
+    known = np.isfinite(values) & np.isfinite(speeds_mps)
+    fast_mps = FAST * _greatest(speeds_mps)
+    ahead, back = known & (speeds_mps > fast_mps), known & (speeds_mps < -fast_mps)
+    if min(ahead.sum(), back.sum()) <= OFTEN * known.sum():
+        return False
+    return bool(np.median(values[back]) > 0.0) and all(np.mean(values[way] < 0.0) <= OFTEN for way in (ahead, back))
+
+
+def along(values: FloatArray, speeds_mps: FloatArray, dt_s: float) -> FloatArray:
+    """A column (N,) with the sign of the motion, its mean over half a second, and while it stands of that before."""
+    size = 2 * round(0.5 * MEAN_S / dt_s) + 1
+    means_mps = np.convolve(np.nan_to_num(speeds_mps), np.full(size, 1.0 / size), "same")[: len(values)]
+    moves = np.abs(means_mps) > SLOW * _greatest(speeds_mps)
+    latest = np.maximum.accumulate(np.where(moves, np.arange(len(values)), 0))
+    return np.where(means_mps[latest] < 0.0, -values, values)
+
+
+def _greatest(speeds_mps: FloatArray) -> float:
+    """The size of the speed, in m/s, without what is rare; infinite where none is known."""
+    known_mps = np.abs(speeds_mps[np.isfinite(speeds_mps)])
+    return float(np.percentile(known_mps, 99)) if len(known_mps) else math.inf
 
 
 def _lags(count: int, dt_s: float) -> range:

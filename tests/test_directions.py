@@ -6,7 +6,7 @@ from msgspec import structs
 
 from cruise.columns import ActiveWhen, ColumnSettings, RecordingSettings
 from cruise.csv_file import read_csv
-from cruise.directions import middle
+from cruise.directions import along, middle, unsigned
 from cruise.recording import resample
 from cruise.service.recordings import ReadingSettings, Told, read_recordings
 from tests.csv_files import csv_of
@@ -70,6 +70,47 @@ def test_holes_change_nothing():
     inputs, speeds = 1000.0 + 700.0 * place, answer(place)
     inputs[500:700], speeds[2000:2100] = np.nan, np.nan
     assert middle(inputs, speeds, DT_S) == pytest.approx(1000.0, abs=7.0)
+
+
+def test_a_size_is_what_is_above_zero_whichever_way_a_machine_goes():
+    speeds = answer(lever())
+    noise = 0.02 * np.random.default_rng(3).standard_normal(len(speeds))
+    assert unsigned(np.abs(speeds) + noise, speeds)
+    assert unsigned(40.0 + 10.0 * np.abs(speeds), speeds), "a gauge that shows the charge pressure at rest"
+    assert not unsigned(speeds + noise, speeds)
+    assert not unsigned(30.0 * np.sign(speeds) + 60.0 * np.sin(0.01 * np.arange(len(speeds))), speeds)
+    assert not unsigned(np.abs(speeds), np.abs(speeds)), "it goes one way"
+    assert not unsigned(np.zeros_like(speeds), speeds)
+    assert not unsigned(np.full_like(speeds, np.nan), speeds)
+    holed = np.abs(speeds)
+    holed[::3] = np.nan
+    assert unsigned(holed, speeds)
+
+
+def test_a_size_gets_the_sign_of_the_motion_and_keeps_it_while_the_machine_stands():
+    speeds = np.array([0.0, 0.01, 2.0, 1.0, 0.01, -0.01, -0.1, -2.0, np.nan, -0.01, 0.01, 3.0])
+    signed = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, -7.0, -8.0, -9.0, -10.0, -11.0, 12.0]
+    np.testing.assert_array_equal(along(np.arange(1.0, 13.0), speeds, 1.0), signed)
+    np.testing.assert_array_equal(along(np.full(3, np.nan), np.full(3, np.nan), 0.05), np.full(3, np.nan))
+    place = lever()
+    noisy = answer(place) + 0.04 * np.random.default_rng(5).standard_normal(len(place))
+    wrong = np.sign(along(np.ones(len(place)), noisy, DT_S)) != np.sign(answer(place))
+    assert (wrong & (np.abs(answer(place)) > 0.1)).mean() < 0.01, "noise turns nothing but what stands"
+    assert not wrong[np.abs(answer(place)) > 1.0].any()
+
+
+def test_a_gauge_and_a_wheel_without_a_sign_are_read_along_the_motion(tmp_path):
+    place = lever()
+    speeds = answer(place)
+    shown = np.column_stack([700.0 * place, speeds, np.abs(speeds), 30.0 + 20.0 * np.abs(speeds)])
+    rows = [f"{DT_S * k:.2f},{','.join(f'{one:.4f}' for one in row)}" for k, row in enumerate(shown)]
+    header = "time_s,pump_current_ma,ground_speed_mps,wheel_speed_mps,line_pressure_bar"
+    read = read_csv(csv_of(tmp_path, rows, header), RecordingSettings())
+    for name in ("wheel_speed_mps", "line_pressure_bar"):
+        assert any(note.startswith(f"{name}: above 0 while the machine goes backward") for note in read.notes)
+    moves = np.abs(speeds) > 0.5
+    np.testing.assert_array_equal(np.sign(read.columns["line_pressure_bar"][moves]), np.sign(speeds[moves]))
+    assert np.corrcoef(read.columns["wheel_speed_mps"], speeds)[0, 1] > 0.999
 
 
 def table(folder, name: str, rest: float, place: np.ndarray):

@@ -1,15 +1,16 @@
 """Active braking: the machine slows down with another time constant than it speeds up with.
 
-    alpha = min(1 + w (p - 1), r T / ((1 - q) (V_(k-1) - D_k))),   w = 3 t^2 - 2 t^3,   t = clip((V - D) / band, 0, 1)
-    D = |v| through three lags of tau_d / 3
+    alpha = min(1 + w (p - 1), r T / ((1 - q) B)),   w = 3 t^2 - 2 t^3,   t = clip(B / band, 0, 1)
+    B = sign(V_(k-1)) (V_(k-1) - D_k),   D = v through three lags of tau_d / 3
     V_k = V_(k-1) + (1 - q^alpha) (D_k - V_(k-1)),   q = exp(-T / tau_v)
 
 y speed in m/s, alpha factor on the poles (y_k = alpha f + (1 - alpha) y_(k-1), equation 12 of the paper), p braking
 pace without unit, w share of braking, which t brings in smoothly, v drive signal in mA, D what of it has arrived after
 the delay and lags tau_d, V a copy of the vehicle, in mA, that follows with tau_v (q of it is left after T) and brakes
-as the machine does, band = 20 mA, T period in s, r greatest fall in mA/s: a machine that nothing brakes loses no more
-speed than rolling takes, however far the pump is brought back. Source: section I of Coen et al. 2005 ("the machine is
-able to brake actively"), equation 12; the form of w is an assumption of this program.
+as the machine does, B how much faster it still is than the drive, along its motion, so that a machine that is reversed
+brakes until it stands; band = 20 mA, T period in s, r greatest fall in mA/s: a machine that nothing brakes loses no
+more speed than rolling takes, however far the pump is brought back. Source: section I of Coen et al. 2005 ("the machine
+is able to brake actively"), equation 12; the form of w is an assumption of this program.
 """
 
 import math
@@ -19,7 +20,7 @@ from typing import ClassVar, Final
 
 import numpy as np
 
-from cruise.effects.effect import About, Effect, Parameter, Stage, State, Value, clip, where
+from cruise.effects.effect import About, Effect, Parameter, Stage, State, Value, clip, sign, where
 from cruise.effects.low_pass import followed_over
 from cruise.signals import Signals
 
@@ -81,20 +82,20 @@ class ActiveBraking(Effect):
         return like * math.nan, like * math.nan, like * math.nan, like * math.nan, like * 0.0 + 1.0
 
     def step(self, value: Value, past_speed: Value, signals: Signals, state: State, dt_s: float) -> tuple[Value, State]:
-        """The drive as it is; the state follows its magnitude."""
+        """The drive as it is, which the state follows."""
         first_ma, second_ma, arrived_ma, copy_ma, _ = state
-        magnitude_ma = abs(value)
         lag = 1.0 - np.exp(-LAGS * dt_s / self.lag_s)
-        first_ma = where(first_ma == first_ma, first_ma, magnitude_ma)
-        second_ma = where(second_ma == second_ma, second_ma, magnitude_ma)
-        arrived_ma = where(arrived_ma == arrived_ma, arrived_ma, magnitude_ma)
-        first_ma = first_ma + lag * (magnitude_ma - first_ma)
+        first_ma = where(first_ma == first_ma, first_ma, value)
+        second_ma = where(second_ma == second_ma, second_ma, value)
+        arrived_ma = where(arrived_ma == arrived_ma, arrived_ma, value)
+        first_ma = first_ma + lag * (value - first_ma)
         second_ma = second_ma + lag * (first_ma - second_ma)
         arrived_ma = arrived_ma + lag * (second_ma - arrived_ma)
         copy_ma = where(copy_ma == copy_ma, copy_ma, arrived_ma)
-        falling = clip((copy_ma - arrived_ma) / BAND_MA, 0.0, 1.0)
+        behind_ma = sign(copy_ma) * (copy_ma - arrived_ma)
+        falling = clip(behind_ma / BAND_MA, 0.0, 1.0)
         pace = 1.0 + falling * falling * (3.0 - 2.0 * falling) * (self.braking_pace - 1.0)
-        whole_ma = (1.0 - np.exp(-dt_s / self.time_constant_s)) * (copy_ma - arrived_ma)
+        whole_ma = (1.0 - np.exp(-dt_s / self.time_constant_s)) * behind_ma
         reach_ma = where(self.fall_ma_per_s < UNLIMITED_MA_PER_S, self.fall_ma_per_s * dt_s, math.inf)
         pace = where(pace * whole_ma > reach_ma, reach_ma / where(whole_ma > 0.0, whole_ma, 1.0), pace)
         copy_ma = copy_ma + (1.0 - np.exp(-dt_s * pace / self.time_constant_s)) * (arrived_ma - copy_ma)
@@ -105,7 +106,7 @@ class ActiveBraking(Effect):
     ) -> tuple[Value, State]:
         """The lags by filters, the copy in one narrow loop: the shape is looked for in recordings of 10^5 samples."""
         values = np.array(np.broadcast_to(values, len(past_speeds)), float)
-        passed_ma = [np.abs(values)]
+        passed_ma = [values]
         for _ in range(LAGS):
             passed_ma.append(followed_over(passed_ma[-1], self.lag_s / LAGS, dt_s))
         copy, along = math.nan, -dt_s / self.time_constant_s
@@ -114,7 +115,8 @@ class ActiveBraking(Effect):
         copies, paces = [], []
         for arrived in passed_ma[-1].tolist():
             copy = copy if copy == copy else arrived
-            behind = copy - arrived
+            way = 1.0 if copy > 0.0 else -1.0 if copy < 0.0 else copy  # 0 at rest, NaN where nothing is known
+            behind = way * (copy - arrived)
             if behind <= 0.0:
                 pace, share = 1.0, plain
             elif behind >= BAND_MA:
@@ -126,7 +128,7 @@ class ActiveBraking(Effect):
             if pace * plain * behind > reach:
                 pace = reach / (plain * behind)
                 share = 1.0 - math.exp(along * pace)
-            copy -= share * behind
+            copy += share * (arrived - copy)
             copies.append(copy)
             paces.append(pace)
         return values, (*passed_ma[1:], np.array(copies), np.array(paces))

@@ -27,6 +27,18 @@ def test_only_a_falling_drive_is_braking_in_both_directions_of_travel(direction)
     assert found[-1] == pytest.approx(1.0, abs=1e-3)
 
 
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_a_machine_that_is_reversed_brakes_until_it_stands_and_is_slow_the_other_way_at_first(direction):
+    drive = direction * np.repeat([300.0, -300.0, -150.0], [100, 35, 100])
+    found = paces(drive)
+    braking = np.flatnonzero(found[100:135] < 0.75)
+    assert 0.4 <= DT_S * len(braking) <= 1.2
+    assert not (np.diff(braking) > 1).any()
+    np.testing.assert_array_equal(found[125:135], 1.0)  # it speeds up, the other way
+    settled = paces(direction * np.repeat([-300.0, -150.0], [300, 100]))[300:]
+    assert found[135:].sum() > settled.sum(), "it has not reached all of its speed, and has less to lose"
+
+
 def test_it_lasts_as_long_as_the_machine_takes_to_slow_down():
     drive = np.repeat([200.0, 500.0, 200.0], [40, 200, 400])
     lasting = {}

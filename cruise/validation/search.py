@@ -51,6 +51,7 @@ STROKE_LOOKED_FOR: Final = 0.5  # while effects are looked for (slip, droop and 
 STROKE_SURE: Final = 3.0  # and by so many standard errors
 GROUND_GAIN: Final = 0.05  # likewise, of the current at rest,
 GROUND_SURE: Final = 3.0
+BEYOND_DRIVEN: Final = 0.2  # of all currents from 0 on that were driven, beyond which no machine stands
 SPARE_BEGINS: Final = (0.5, 0.02)  # of the way from a spare shape's neutral value to its far bound: where fits begin,
 SPARED: Final = 0.6  # of the cost, from which an effect is better off with it (0.31 and 0.50; else 0.65 or more),
 NEARER: Final = 0.8  # or so much of it,
@@ -189,7 +190,7 @@ class Search:
         if not turns or _on_the_line(present.explanation):
             return present
         judged = self.judged(present.candidate, self.fitted(with_effect(present.explanation, RestCurrent())))
-        return _clearly_less(present, judged, GROUND_GAIN, GROUND_SURE)
+        return _clearly_less(present, judged, GROUND_GAIN, GROUND_SURE) if self._may_stand(judged.fit) else present
 
     def freed(self, found: Fit, name: str, least: float = 0.0) -> Fit:
         """The fit with the spare shape of an effect with which it errs far less, and by more than wheels slip.
@@ -202,11 +203,24 @@ class Search:
         begun = [_with(found.explanation, shape) for spare in effect.spare for shape in _without_neutral(effect, spare)]
         if effect.stage is Stage.GAIN and not _on_the_line(found.explanation):
             begun.append(with_effect(found.explanation, RestCurrent()))
-        free = min(map(self.fitted, begun), key=lambda fit: fit.cost, default=found)
+        free = min(filter(self._may_stand, map(self.fitted, begun)), key=lambda fit: fit.cost, default=found)
         near = free.cost < NEARER * found.cost and free.cost - least < NEAR * (found.cost - least)
         taken = found.mean_square - free.mean_square
         slips = effect.stage in (Stage.GAIN, Stage.LOAD) and self.slip_mps**2 >= SLIPS * taken
         return free if (free.cost < SPARED * found.cost or near) and not slips else found
+
+    def _may_stand(self, found: Fit) -> bool:
+        """Whether a machine may stand at the current about which its gains turn the drive, if it has one.
+
+        Far beyond where it is driven every gain is a load: that has the same size at every speed, and is no such cause.
+        """
+        rest = next((one for one in found.explanation.effects if isinstance(one, RestCurrent)), None)
+        if rest is None:
+            return True
+        driven_ma = np.concatenate([one.input for one in self.scene.recordings])
+        low_ma, high_ma = min(float(np.nanmin(driven_ma)), 0.0), max(float(np.nanmax(driven_ma)), 0.0)
+        beyond_ma = BEYOND_DRIVEN * (high_ma - low_ma)
+        return low_ma - beyond_ma <= rest.rest_ma <= high_ma + beyond_ma
 
     def all_freed(self, present: Judged) -> Judged:
         """The same with the spare shapes of all its effects that are better off with them."""

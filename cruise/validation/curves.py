@@ -53,6 +53,20 @@ def curve_with_the_word(first: Step, chosen: float, present: Judged) -> tuple[Tr
     return next(((one, margin) for one, margin in margins if margin > 0.0), (None, 0.0))
 
 
+def curve_that_shows(first: Step) -> Tried | None:
+    """The curve for which there is far more evidence than for any effect, though it takes too little to have the word.
+
+    What acts in few moments, as a stop does that is seldom reached, takes no more. Where something is missing all the
+    same, and nothing foretells it, this is what it depends on.
+    """
+    curves = [one for one in first.tried if one.name.startswith(UNNAMED) and one.credit == 1.0 and enough(one)]
+    best = max(curves, key=counted, default=None)
+    effects = max((one.counted for one in first.tried if not one.name.startswith(UNNAMED)), default=0.0)
+    if best is None or best.gain < PLAINLY_CURVED[0]:
+        return None
+    return best if best.counted * (1.0 - CURVED[1]) - CURVED[0] > effects else None
+
+
 def _margin(curve: Tried, first: Step, chosen: float, present: Judged, all_of_it: bool) -> float:
     """By which margin a curve has the word; none above 0 where it hasn't. `all_of_it`: it leaves nothing but noise."""
     named = [one for one in first.tried if not one.name.startswith(UNNAMED)]

@@ -13,6 +13,7 @@ from typing import Final
 from cruise.effects import EFFECTS
 from cruise.validation.candidates import UNNAMED
 from cruise.validation.confidence import margin_of_the_end
+from cruise.validation.curves import curve_that_shows
 from cruise.validation.exchange import Place
 from cruise.validation.judged import Judged
 from cruise.validation.left_over import DELAY, LeftOver, of_an_effect
@@ -96,6 +97,11 @@ def _unlisted(found: Selected, left: LeftOver, places: Sequence[Place]) -> Answe
     """What the recorded signals foretell, or what swings, or an error that is far too large."""
     if left.missing <= _limit(found):
         return None
+    silent = left.silent and math.isnan(left.swing_s) and not found.chosen
+    shows = curve_that_shows(found.steps[0]) if silent else None
+    if shows is not None:
+        signals = (shows.name.removeprefix(UNNAMED),)
+        return Answer(Verdict.UNLISTED, _margin(found, left), shows.judged, _vary(signals), signals=signals)
     signals = () if left.silent else left.hidden.signals
     words = _vary(signals) if signals else RECORD_MORE
     if not math.isnan(left.swing_s):

@@ -9,7 +9,10 @@ from cruise.effects import EFFECTS
 from cruise.signals import INPUT, OUTPUT
 from cruise.validation import curves, tried
 from cruise.validation.candidates import UNNAMED
+from cruise.validation.left_over import LeftOver
 from cruise.validation.mediator import MEDIATED
+from cruise.validation.selection import Selected
+from cruise.validation.swing import Swing
 from cruise.validation.tried import (
     LOOSE,
     SURE,
@@ -17,6 +20,7 @@ from cruise.validation.tried import (
     Tried,
 )
 from cruise.validation.unnamed import SPEED
+from cruise.validation.verdict import Verdict, answered
 
 
 def word_of(first: Step, chosen: float, left: float, sure: float = 0.0) -> tuple[Tried | None, float]:
@@ -193,3 +197,24 @@ def test_a_curve_of_the_speed_is_the_effects_that_are_a_law_of_the_speed_alone()
         "crop_load",
     }
     assert not any(curves.of_the_same(name, OUTPUT) for name in EFFECTS)
+
+
+def test_a_curve_that_takes_too_little_for_the_word_says_what_an_error_that_nothing_explains_depends_on(unlisted):
+    first = replace(unlisted.steps[0], taken="")
+    seldom = replace(first.tried[0], gain=0.4, evidence=200.0, credit=1.0, sureness=3.0)
+    rival = next(one for one in first.tried if not one.name.startswith(UNNAMED))
+    left = replace(unlisted.left, foretold=0.0, untold=1.5, swing=Swing())
+
+    def shown(curve: Tried = seldom, beside: float = 20.0, left: LeftOver = left) -> tuple[str, ...]:
+        step = replace(first, tried=(curve, replace(rival, evidence=beside, credit=1.0)))
+        answer = answered(Selected((step,), (), step.before, ()), left, ())
+        assert answer.verdict is Verdict.UNLISTED
+        assert (answer.final is curve.judged) == bool(answer.signals)
+        return answer.signals
+
+    assert shown() == ("header_height_mm",)
+    assert shown(beside=150.0) == (), "nearly as much speaks for an effect"
+    assert shown(replace(seldom, gain=0.25)) == ()
+    assert shown(replace(seldom, credit=0.6)) == (), "the drive itself moves it"
+    assert shown(replace(seldom, evidence=50.0)) == ()
+    assert shown(left=replace(left, swing=Swing(8.0, 100.0, 1.0))) == (), "it goes by its own pace"

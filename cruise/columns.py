@@ -312,8 +312,8 @@ def _signed(read: Recording) -> Recording:
     sizes = [name for name in TURNING if name in read.columns and unsigned(read.columns[name], read.output)]
     signed = {name: along(read.columns[name], read.output, read.dt_s) for name in sizes}
     notes = (
-        f"{name}: above 0 while the machine goes backward, too: taken as a size, with the sign of the motion, which a "
-        f"bus should give it as well"
+        f"{name}: above 0 while the machine goes backward, too: taken as a size and given the sign of the motion; "
+        f"`cruise run` takes it as the bus has it"
         for name in sizes
     )
     return replace(read, columns={**read.columns, **signed}, notes=(*read.notes, *notes))

@@ -212,7 +212,7 @@ class Search:
     def _may_stand(self, found: Fit) -> bool:
         """Whether a machine may stand at the current about which its gains turn the drive, if it has one.
 
-        Far beyond where it is driven every gain is a load: that has the same size at every speed, and is no such cause.
+        About one far beyond those that were driven it has the same size at every speed, as a load has, and is no gain.
         """
         rest = next((one for one in found.explanation.effects if isinstance(one, RestCurrent)), None)
         if rest is None:

@@ -11,10 +11,17 @@ import pytest
 from cruise import cli
 
 Run = Callable[..., tuple[int, str, str]]
+HERE = Path(__file__).parent
+WAITING = ("test_real_bus.py", "workbench")  # for a bus in real time, or for a browser
 
 # The same examples in every run; no deadline, since a loaded machine is not a fault of the code.
 hypothesis.settings.register_profile("cruise", derandomize=True, deadline=None, print_blob=False)
 hypothesis.settings.load_profile("cruise")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Tests that wait come first, so that one worker has them all, and the others compute meanwhile."""
+    items.sort(key=lambda item: item.path.relative_to(HERE).parts[0] not in WAITING)
 
 
 @pytest.fixture(scope="session")

@@ -45,7 +45,7 @@ def middle(inputs: FloatArray, speeds_mps: FloatArray, dt_s: float) -> float:
     known = np.isfinite(inputs) & np.isfinite(speeds_mps)
     if not known.any() or np.percentile(inputs[known], 1) < 0.0 < np.percentile(inputs[known], 99):
         return 0.0
-    fast_mps = FAST * float(np.percentile(np.abs(speeds_mps[known]), 99))
+    fast_mps = FAST * _greatest(speeds_mps[known])
     found = (_parted(inputs, speeds_mps, fast_mps, lag) for lag in _lags(len(inputs), dt_s))
     wrong, place, at_mps = min(found, key=lambda one: one[0])
     if not wrong <= WRONG:
@@ -57,12 +57,10 @@ def middle(inputs: FloatArray, speeds_mps: FloatArray, dt_s: float) -> float:
 
 def unsigned(values: FloatArray, speeds_mps: FloatArray) -> bool:
     """Whether a column (N,) that turns with the motion shows only its size, NaN in holes: a machine goes both ways."""
-    known = np.isfinite(values) & np.isfinite(speeds_mps)
-    fast_mps = FAST * _greatest(speeds_mps)
-    ahead, back = known & (speeds_mps > fast_mps), known & (speeds_mps < -fast_mps)
-    if min(ahead.sum(), back.sum()) <= OFTEN * known.sum():
+    ways = _ways(values, speeds_mps, FAST * _greatest(speeds_mps))
+    if not ways:
         return False
-    return bool(np.median(values[back]) > 0.0) and all(np.mean(values[way] < 0.0) <= OFTEN for way in (ahead, back))
+    return bool(np.median(values[ways[1]]) > 0.0) and all(np.mean(values[way] < 0.0) <= OFTEN for way in ways)
 
 
 def along(values: FloatArray, speeds_mps: FloatArray, dt_s: float) -> FloatArray:
@@ -72,6 +70,13 @@ def along(values: FloatArray, speeds_mps: FloatArray, dt_s: float) -> FloatArray
     moves = np.abs(means_mps) > SLOW * _greatest(speeds_mps)
     latest = np.maximum.accumulate(np.where(moves, np.arange(len(values)), 0))
     return np.where(means_mps[latest] < 0.0, -values, values)
+
+
+def _ways(values: FloatArray, speeds_mps: FloatArray, fast_mps: float) -> tuple[np.ndarray, ...]:
+    """Where (N,) a column is known and the machine goes forward, and backward; nothing where it goes one way only."""
+    known = np.isfinite(values) & np.isfinite(speeds_mps)
+    ways = known & (speeds_mps > fast_mps), known & (speeds_mps < -fast_mps)
+    return ways if min(way.sum() for way in ways) > OFTEN * known.sum() else ()
 
 
 def _greatest(speeds_mps: FloatArray) -> float:
@@ -90,10 +95,10 @@ def _parted(inputs: FloatArray, speeds_mps: FloatArray, fast_mps: float, lag: in
     Infinite where the machine doesn't go both ways, or its speed doesn't follow the input backward.
     """
     before = np.concatenate([np.full(lag, math.nan), inputs[: len(inputs) - lag]])
-    known = np.isfinite(before) & np.isfinite(speeds_mps)
-    ahead, back = known & (speeds_mps > fast_mps), known & (speeds_mps < -fast_mps)
-    if min(ahead.sum(), back.sum()) <= OFTEN * known.sum() or not _follows(before[back], speeds_mps[back]):
+    ways = _ways(before, speeds_mps, fast_mps)
+    if not ways or not _follows(before[ways[1]], speeds_mps[ways[1]]):
         return math.inf, 0.0, before
+    known, (ahead, back) = np.isfinite(before) & np.isfinite(speeds_mps), ways
     forward, backward = np.sort(before[ahead]), np.sort(before[back])
     places = np.linspace(before[known].min(), before[known].max(), PLACES)
     early = np.searchsorted(forward, places) / len(forward)

@@ -47,7 +47,7 @@ def draw(result: Result, path: Path) -> Path:
         lw=0,
         label="the model learns",
     )
-    current.legend(loc="lower right", fontsize="small")
+    current.legend(loc="upper right", fontsize="small")
 
     field.plot(time_s, columns["grade_deg"], color=RED, lw=1.2)
     field.set_ylabel("slope (deg)", color=RED)

@@ -19,7 +19,7 @@ from cruise.validation.judged import Judged, sureness
 from cruise.validation.left_over import DELAY
 from cruise.validation.numbers import numbers
 from cruise.validation.tried import LEAST_GAIN, LOOSE, Tried, step_of, tried_in
-from cruise.validation.unnamed import RestCurrent
+from cruise.validation.unnamed import rest_of
 
 DOUBTFUL: Final = 0.5  # confidence below which an effect may be missing, rather than is
 FAR: Final = 2.5  # times the noise, from which an error is far above it
@@ -105,7 +105,7 @@ def sentence(found: Diagnosis) -> str:
 
 def _rest(found: Diagnosis) -> str:
     """From which current the gains act, where that is none of the current."""
-    rest = next((one for one in found.final.explanation.effects if isinstance(one, RestCurrent)), None)
+    rest = rest_of(found.final.explanation.effects)
     if rest is None or rest.rest_ma <= 0.0:
         return ""
     return (

@@ -28,7 +28,7 @@ from cruise.validation.search import STROKE_GAIN, Search
 from cruise.validation.simulation import WARM_UP_S
 from cruise.validation.study import Show, Study, candidate, discrete, study
 from cruise.validation.terms import check_term, defined, term_candidate
-from cruise.validation.unnamed import RestCurrent
+from cruise.validation.unnamed import rest_of
 
 
 @dataclass(frozen=True)
@@ -171,7 +171,7 @@ def _drivable(search: Search, found: Judged) -> Judged:
 
     No effect of a model file is such a current; a pump that begins there is.
     """
-    rest = next((one for one in found.explanation.effects if isinstance(one, RestCurrent)), None)
+    rest = rest_of(found.explanation.effects)
     if rest is None:
         return found
     bare = without(found.explanation, rest.name)

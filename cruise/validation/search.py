@@ -23,7 +23,7 @@ from cruise.validation.simulation import RAN_AWAY_MPS, Scene, paced
 from cruise.validation.slip import slip_mps, sure_of_slip
 from cruise.validation.starts import NEARLY, Promise, Starts, apart
 from cruise.validation.told import kinds_of
-from cruise.validation.unnamed import RestCurrent
+from cruise.validation.unnamed import RestCurrent, rest_of
 
 FOLDS: Final = 5
 BLOCK_S: Final = 20.0  # s: longer than any disturbance that the autoregression leaves behind
@@ -214,7 +214,7 @@ class Search:
 
         About one far beyond those that were driven it has the same size at every speed, as a load has, and is no gain.
         """
-        rest = next((one for one in found.explanation.effects if isinstance(one, RestCurrent)), None)
+        rest = rest_of(found.explanation.effects)
         if rest is None:
             return True
         driven_ma = np.concatenate([one.input for one in self.scene.recordings])

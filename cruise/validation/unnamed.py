@@ -14,6 +14,7 @@ it while the gain stays the same, for it is an offset of the speed then; a gain 
 """
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, ClassVar, Final
@@ -214,6 +215,11 @@ class RestCurrent(Effect):
     def step(self, value: Value, past_speed: Value, signals: Signals, state: State, dt_s: float) -> tuple[Value, State]:
         """The current beyond that at rest."""
         return value - self.rest_ma, state
+
+
+def rest_of(effects: Iterable[Effect]) -> RestCurrent | None:
+    """The current about which the gains among them turn the line of the drive, if it is none of them."""
+    return next((one for one in effects if isinstance(one, RestCurrent)), None)
 
 
 def knots_of(current_ma: np.ndarray) -> tuple[float, ...]:

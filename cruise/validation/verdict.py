@@ -1,7 +1,8 @@
 """What is said of a search: the first of these answers that holds, and how far it is from any other.
 
-a force that nobody recorded; a curve of a signal that no effect is; something else that no effect is;
-a dead time that changes; nothing; two effects that look alike; the effects that were found
+a force that nobody recorded; a curve of a signal that no effect is; what such a curve shows, though it takes little;
+something else that no effect is; a dead time that changes; nothing; two effects that look alike; the effects that were
+found
 """
 
 import math
@@ -55,7 +56,7 @@ class Answer:
 
 def answered(found: Selected, left: LeftOver, places: Sequence[Place]) -> Answer:
     """The first answer that holds; `places` say of every effect that was found what would do as well there."""
-    rules = (_unrecorded, _curve, _unlisted, _late, _nothing, _look_alikes, _missing)
+    rules = (_unrecorded, _curve, _shown, _unlisted, _late, _nothing, _look_alikes, _missing)
     answers = (rule(found, left, places) for rule in rules)
     return next(one for one in answers if one is not None)
 
@@ -93,15 +94,20 @@ def _curve(found: Selected, left: LeftOver, places: Sequence[Place]) -> Answer |
     return Answer(Verdict.UNLISTED, _margin(found, left), found.final, _vary(signals), signals=signals)
 
 
+def _shown(found: Selected, left: LeftOver, places: Sequence[Place]) -> Answer | None:
+    """An error that is far too large, that nothing foretells and no swing is, but that a curve of a signal shows."""
+    silent = left.missing > _limit(found) and left.silent and math.isnan(left.swing_s) and not found.chosen
+    curve = curve_that_shows(found.steps[0]) if silent else None
+    if curve is None:
+        return None
+    signals = (curve.name.removeprefix(UNNAMED),)
+    return Answer(Verdict.UNLISTED, _margin(found, left), curve.judged, _vary(signals), signals=signals)
+
+
 def _unlisted(found: Selected, left: LeftOver, places: Sequence[Place]) -> Answer | None:
     """What the recorded signals foretell, or what swings, or an error that is far too large."""
     if left.missing <= _limit(found):
         return None
-    silent = left.silent and math.isnan(left.swing_s) and not found.chosen
-    shows = curve_that_shows(found.steps[0]) if silent else None
-    if shows is not None:
-        signals = (shows.name.removeprefix(UNNAMED),)
-        return Answer(Verdict.UNLISTED, _margin(found, left), shows.judged, _vary(signals), signals=signals)
     signals = () if left.silent else left.hidden.signals
     words = _vary(signals) if signals else RECORD_MORE
     if not math.isnan(left.swing_s):

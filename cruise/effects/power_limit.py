@@ -154,26 +154,23 @@ class PowerLimit(Effect):
 
     def step(self, value: Value, past_speed: Value, signals: Signals, state: State, dt_s: float) -> tuple[Value, State]:
         """The gain so far, divided by a power of how many times the demand exceeds the limit."""
-        limited = self.power_kw < UNLIMITED_KW
         *pulled, shown_kw, cut, left = state
-        pull_mps2, pulled = pull(signals, tuple(pulled), self.acceleration_share, self.filter_s, dt_s)
-        without_mps = past_speed / left
-        asked_kw = demand_kw(without_mps, pull_mps2, self.rolling_resistance, signals)
         pressure_bar = signals.get("line_pressure_bar", math.nan)
-        if anywhere(self.kn_per_bar > 0.0):
-            now_kw = self.kn_per_bar * (pressure_bar * without_mps - self.rest_bar * abs(without_mps))
-            felt_kw = followed(shown_kw, now_kw, share(self.filter_s, dt_s))
-            known = felt_kw == felt_kw  # NaN: not measured
-            shown_kw = where(known, felt_kw, shown_kw)
-            asked_kw = where(known * (self.kn_per_bar > 0.0), felt_kw, asked_kw)
         load_pct = signals.get("engine_load_pct", 0.0)
-        taken = where(load_pct == load_pct, self.load_share * load_pct / 100.0, 0.0)  # NaN: not measured
-        excess = asked_kw * limited / (self.power_kw * (1.0 - clip(taken, 0.0, MOST_TAKEN))) - (1.0 - CORNER)
-        rounded = clip(excess, 0.0, 2.0 * CORNER)
-        times = 1.0 + rounded * rounded / (4.0 * CORNER) + clip(excess - 2.0 * CORNER, 0.0, MOST_TIMES)
-        held = times**-self.hold
-        known = held == held  # NaN: speed or slope not measured
-        left = where(known, left + share(self.follow_s, dt_s) * (held - left), left)
+        held = 1.0
+        if anywhere(self.power_kw < UNLIMITED_KW):
+            pull_mps2, pulled = pull(signals, tuple(pulled), self.acceleration_share, self.filter_s, dt_s)
+            without_mps = past_speed / left
+            asked_kw = demand_kw(without_mps, pull_mps2, self.rolling_resistance, signals)
+            if anywhere(self.kn_per_bar > 0.0):
+                now_kw = self.kn_per_bar * (pressure_bar * without_mps - self.rest_bar * abs(without_mps))
+                felt_kw = followed(shown_kw, now_kw, share(self.filter_s, dt_s))
+                known = felt_kw == felt_kw  # NaN: not measured
+                shown_kw = where(known, felt_kw, shown_kw)
+                asked_kw = where(known * (self.kn_per_bar > 0.0), felt_kw, asked_kw)
+            held = self._held(asked_kw, load_pct)
+            known = held == held  # NaN: speed or slope not measured
+            left = where(known, left + share(self.follow_s, dt_s) * (held - left), left)
         if anywhere(self.onset_pct < NEVER_PCT):
             over_pct = load_pct - self.onset_pct
             over_pct = where(over_pct > 0.0, over_pct, 0.0)  # NaN: not measured
@@ -185,6 +182,15 @@ class PowerLimit(Effect):
             over_bar = where((beyond_bar > 0.0) * (self.cutoff_bar < NEVER_BAR), beyond_bar, 0.0)  # NaN: not measured
             passed = clip(1.0 - self.cut_per_bar * over_bar, 1.0 - MOST_CUT, 1.0)
         return value * (1.0 - cut) * passed * held, (*pulled, shown_kw, cut, left)
+
+    def _held(self, asked_kw: Value, load_pct: Value) -> Value:
+        """g_p, of what is asked and what else the engine drives."""
+        taken = where(load_pct == load_pct, self.load_share * load_pct / 100.0, 0.0)  # NaN: not measured
+        most_kw = self.power_kw * (1.0 - clip(taken, 0.0, MOST_TAKEN))
+        excess = asked_kw * (self.power_kw < UNLIMITED_KW) / most_kw - (1.0 - CORNER)
+        rounded = clip(excess, 0.0, 2.0 * CORNER)
+        times = 1.0 + rounded * rounded / (4.0 * CORNER) + clip(excess - 2.0 * CORNER, 0.0, MOST_TIMES)
+        return times**-self.hold
 
 
 def demand_kw(speed_mps: Value, pull_mps2: Value, rolling_resistance: Value, signals: Signals) -> Value:

@@ -66,15 +66,17 @@ class Core:
         held = np.concatenate([np.repeat(drive_ma[..., :1], whole + 1, axis=-1), drive_ma], axis=-1)
         count = drive_ma.shape[-1]
         felt = (1.0 - share) * held[..., 1 : count + 1] + share * held[..., :count]
+        numerator, denominator = np.ones(1), np.ones(1)
         for lag_s in (self.lag_s, self.second_lag_s):
             if lag_s > 0.0:
                 now, before, rest = _lag(lag_s, period_s)
-                felt, _ = scipy.signal.lfilter([now, before], [1.0, -rest], felt, zi=(1.0 - now) * felt[..., :1])
+                numerator, denominator = np.convolve(numerator, [now, before]), np.convolve(denominator, [1.0, -rest])
+        felt = _filtered(felt, numerator, denominator)
         if self.servo_hz:
-            felt = _through_pair(felt, self.servo_hz, self.servo_damping, period_s)
+            felt = _filtered(felt, *_pair(self.servo_hz, self.servo_damping, period_s))
         if self.resonance_share == 0.0:
             return felt
-        ringing = _through_pair(felt, self.resonance_hz, self.damping, period_s)
+        ringing = _filtered(felt, *_pair(self.resonance_hz, self.damping, period_s))
         return (1.0 - self.resonance_share) * felt + self.resonance_share * ringing
 
     def response(self, period_s: float, count: int) -> np.ndarray:
@@ -131,18 +133,22 @@ def _lag(lag_s: float, period_s: float) -> tuple[float, float, float]:
     return 1.0 - spent, spent - rest, rest
 
 
-def _through_pair(drive_ma: np.ndarray, frequency_hz: float, damping: float, period_s: float) -> np.ndarray:
-    """Means (..., N) of drives (..., N), held over each period, after a pair of poles; before the first the same."""
+def _pair(frequency_hz: float, damping: float, period_s: float) -> tuple[np.ndarray, np.ndarray]:
+    """Numerator and denominator of the means of a pair's output over the periods that its input is held."""
     omega = 2.0 * math.pi * frequency_hz
     pole = complex(-damping * omega, omega * math.sqrt(1.0 - damping**2))  # 1/s
     swing = complex(1.0, pole.real / pole.imag) / pole
     ends = np.arange(4) * period_s
     step = np.diff(ends - (swing * np.exp(pole * ends)).real) / period_s  # means of 1 - Re (1 - i r) e^(p t)
     shrink = math.exp(pole.real * period_s)
-    denominator = [1.0, -2.0 * shrink * math.cos(pole.imag * period_s), shrink * shrink]
-    numerator = np.convolve(np.diff(step, prepend=0.0), denominator)[:3]
-    start = scipy.signal.lfilter_zi(numerator, denominator) * drive_ma[..., :1]
-    return scipy.signal.lfilter(numerator, denominator, drive_ma, zi=start)[0]
+    denominator = np.array([1.0, -2.0 * shrink * math.cos(pole.imag * period_s), shrink * shrink])
+    return np.convolve(np.diff(step, prepend=0.0), denominator)[:3], denominator
+
+
+def _filtered(values: np.ndarray, numerator: np.ndarray, denominator: np.ndarray) -> np.ndarray:
+    """Values (..., N) through a filter of gain 1 that has settled at their first one."""
+    settled = np.cumsum((numerator - denominator)[:0:-1])[::-1]  # what it holds for a value of 1 that stays
+    return scipy.signal.lfilter(numerator, denominator, values, zi=settled * values[..., :1])[0]
 
 
 def discretised(

@@ -19,6 +19,7 @@ from cruise.validation.explanation import CORE, LONGEST_LAG_S, START, Explanatio
 from cruise.validation.fitting import Fit, Layout, Objective, bounded, fit, layout
 from cruise.validation.fold_steps import fold_steps
 from cruise.validation.judged import Judged, few, gain, sureness
+from cruise.validation.side_by_side import side_by_side
 from cruise.validation.simulation import RAN_AWAY_MPS, Scene, paced
 from cruise.validation.slip import slip_mps, sure_of_slip
 from cruise.validation.starts import NEARLY, Promise, Starts, apart
@@ -32,6 +33,7 @@ PARTS: Final = (
     0.3,
 )  # of the step to a fold's parameters, or none: the errors are not quite linear
 MOST_STARTS: Final = 3  # from which fits of one candidate begin
+MOST_TRIED: Final = 24  # of each way in which it may act, from which a step is tried
 QUICK_STEPS: Final = 4  # of the solver, to choose among several starts
 ONE_STEP: Final = 2  # likewise: where it stands and one step on
 NEARBY: Final = 1.1  # of the cost of a fit that is finished, from which one that is begun elsewhere is finished, too
@@ -128,13 +130,13 @@ class Search:
         return found
 
     def grown_from_all(self, explanation: Explanation, candidate: Candidate) -> Fit:
-        """`grown` from every start: a step from each, a few from the best of them, the best one to its end.
+        """`grown` from the best of all starts: a step from each, a few from the best of them, the best one to its end.
 
         What promises most to first order may lead to a corner that is rounded instead of one further on.
         """
         starts = self._starts_beside(explanation)
-        options = [one for way in ways_of(candidate) for one in starts.promising(list(way.grown(explanation)))]
-        return self.finished(self._best_of_all(starts, options))
+        ways = [starts.promising(list(way.grown(explanation)))[:MOST_TRIED] for way in ways_of(candidate)]
+        return self.finished(self._best_of_all(starts, [one for way in ways for one in way]))
 
     def _best_of_all(self, starts: Starts, options: Sequence[Promise]) -> Fit:
         """A step from each start, a few from the best of them."""
@@ -155,7 +157,7 @@ class Search:
             return present
         lag_s, second_lag_s = SERVO_LAGS_S
         paired = [replace(core, servo_hz=one, lag_s=lag_s, second_lag_s=second_lag_s) for one in SERVO_HZ]
-        fits = [self.fitted(replace(present.explanation, core=one)) for one in paired]
+        fits = side_by_side(self.fitted, [replace(present.explanation, core=one) for one in paired])
         judged = self.judged(present.candidate, min(fits, key=lambda one: one.cost))
         served = judged.explanation.core
         late = served.delay_s > (1.0 - AT_BOUND) * self.most_delay_s(judged.explanation)

@@ -97,7 +97,7 @@ def selected(study: Study, rng: np.random.Generator, show: Show) -> Selected:
         possible, cannot = candidates(study.recordings, present.explanation)
         refused = cannot
         curves = unnamed(study.recordings, present.explanation)
-        step = tried_beside(study, present, [*possible, *curves], chosen, rng, show)
+        step = tried_beside(study, present, [*possible, *curves], chosen, rng, show, ends=True)
         renewed = search.plan(step.before.explanation).slots != search.plan(present.explanation).slots
         present = step.before
         steps.append(step)

@@ -80,15 +80,15 @@ class Starts:
             starts += [
                 replace(option, loads=tuple(load if kept else share * load for kept, load in pairs)) for share in WEAKER
             ]
-        if option.core == self.explanation.core:
-            starts += [self._core_moved(one) for one in starts]
         errors = bounded(self.scene.errors(starts))
+        if option.core == self.explanation.core:
+            moved = [self._core_moved(one, error) for one, error in zip(starts, errors, strict=True)]
+            starts, errors = [*starts, *moved], np.vstack([errors, bounded(self.scene.errors(moved))])
         return starts[int(np.argmin(np.einsum("ij,ij->i", errors, errors)))]
 
-    def _core_moved(self, option: Explanation) -> Explanation:
-        """The option with core and offset where its error asks for them, to first order."""
+    def _core_moved(self, option: Explanation, error: np.ndarray) -> Explanation:
+        """The option with core and offset where its error (N,) asks for them, to first order."""
         plan, slopes, soft = self.plan, self.slopes, self.soft
-        error = bounded(self.scene.errors([option]))[0]
         low, high = plan.bounds
         moved = plan.explanation(np.clip(plan.vector - plan.scale * (soft @ (slopes.T @ error)), low, high))
         return replace(option, core=moved.core, offset_mps=moved.offset_mps)

@@ -45,6 +45,8 @@ ELSEWHERE: Final = 0.3  # of the current's range: in any case where a gain turns
 ASTRAY: Final = 2.0  # times the cost without an effect, beyond which no fit of it is one: at neutral it takes nothing
 HOPELESS: Final = (0.99, 10.0)  # of the cost without it, and times the best effect's: no other start mends as much
 MOVED: Final = 0.03  # of the cost, by which a better core makes all be tried anew from it
+ONLY_NOISE: Final = 1.25  # of the white part of the speed: what leaves no more leaves no effect the quarter it needs,
+WHITE: Final = 0.9  # where its own past foretells no more of it than the rest
 
 Show = Callable[[str], None]
 
@@ -72,14 +74,18 @@ def tried_beside(
     show: Show,
     effort: Effort = THOROUGH,
     known: Mapping[str, Fit] = MappingProxyType({}),
+    ends: bool = False,
 ) -> Step:
     """Every candidate beside what is there, best first. What is there may be fitted better on the way.
 
-    `known` are fits of candidates that were found on another way.
+    `known` are fits of candidates that were found on another way. One that `ends` tries nothing beside what leaves
+    nothing but noise.
     """
     search = study.search
     if chosen and effort is THOROUGH:  # what was missing may have hidden that the core, or a shape of an effect, is
         present = search.all_freed(search.sufficient(search.grounded(of_the_best_kind(study, present))))
+    if chosen and ends and leaves_only_noise(study, present):
+        return Step(present, (), Background(present.fit, {}, search.disturbance), "", None, (), 0.0)
     fits = _fitted(search, present, everyone, chosen, show, effort, known)
     before = present.fit
     if fits:  # the best fit's core may be a better start for what is there, too
@@ -88,14 +94,15 @@ def tried_beside(
         before = min(before, refitted, key=lambda one: one.cost)
     if before.cost < (1.0 - MOVED) * present.fit.cost:  # all others stand where the core was
         found = {candidate.name: one for candidate, one in zip(everyone, fits, strict=True)}
-        return tried_beside(study, search.judged("", before), everyone, chosen, rng, show, effort, found)
+        return tried_beside(study, search.judged("", before), everyone, chosen, rng, show, effort, found, ends)
     if not chosen:
         search.learn_disturbance(before, fits)
     if not chosen or before is not present.fit:
         present = search.judged("", before)
-    judged = [search.judged(candidate.name, one) for candidate, one in zip(everyone, fits, strict=True)]
+    pairs = [(candidate.name, one) for candidate, one in zip(everyone, fits, strict=True)]
     judged = [
-        _fitted_to_nothing(search, present, one) if one.fit.cost > ASTRAY * before.cost else one for one in judged
+        _fitted_to_nothing(search, present, one) if one.fit.cost > ASTRAY * before.cost else one
+        for one in side_by_side(lambda pair: search.judged(*pair), pairs)
     ]
     named = [one.name for one in everyone if not one.name.startswith(UNNAMED)]
     background = Background(
@@ -127,6 +134,12 @@ def tried_beside(
     tried = sorted(weighty, key=counted, reverse=True)
     unrecorded = said.name if said.through is Through.UNRECORDED else ""
     return Step(present, tuple(tried), background, unrecorded, said.forces, said.refuted, said.margin)
+
+
+def leaves_only_noise(study: Study, present: Judged) -> bool:
+    """Whether an explanation errs by no more than the white part of the measured speed, and whitely."""
+    white = present.white_loss >= WHITE * present.loss
+    return white and present.loss <= ONLY_NOISE * study.white_mps**2
 
 
 def _fitted_to_nothing(search: Search, present: Judged, one: Judged) -> Judged:

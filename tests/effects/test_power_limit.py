@@ -63,6 +63,12 @@ def test_an_unmeasured_slope_is_no_number():
     assert math.isnan(gain(30.0, 2.0, {"pitch_deg": math.nan}))
 
 
+def test_without_a_limit_of_the_power_nobody_asks_for_the_slope():
+    for cuts in (PowerLimit(), PowerLimit(onset_pct=90.0)):
+        value, _ = cuts.step(0.7, 2.0, {"pitch_deg": math.nan, "engine_load_pct": 50.0}, cuts.start(0.0), 0.2)
+        assert value == 0.7
+
+
 def test_300_kw_is_no_limit_and_just_below_it_is_one():
     steep = {"pitch_deg": 30.0, "machine_mass_kg": 40000.0}
     assert gain(UNLIMITED_KW, 10.0, steep) == 1.0

@@ -39,7 +39,7 @@ def test_a_search_that_is_begun_anew_comes_to_an_end(dead_zone, monkeypatch, bet
     rounds, slots = itertools.count(), itertools.count()
     base = replace(alone.before, raw=(0.5 if better else 0.99) * alone.before.raw)
 
-    def tried_again(study, present, possible, chosen, rng, show):
+    def tried_again(study, present, possible, chosen, *_, ends):
         assert next(rounds) < 2 * selection.MOST_STEPS, "it goes on for ever"
         return beside if chosen else alone
 
@@ -217,7 +217,7 @@ def test_a_force_that_is_missing_too_does_not_hide_a_further_effect(grade):
         return replace(before, raw=share * before.raw, white=share * before.white)
 
     def further(forces: Judged | None, beside: float) -> bool:
-        one = replace(last.tried[0], name="dead_zone", gain=0.2, evidence=500.0, sureness=5.0, credit=1.0)
+        one = replace(grade.steps[0].tried[0], name="dead_zone", gain=0.2, evidence=500.0, sureness=5.0, credit=1.0)
         one = replace(one, judged=left(0.4), compared=left(beside))
         return selection._further(one, replace(last, before=left(0.5), forces=forces), before, ("grade",))
 
@@ -245,7 +245,7 @@ def test_an_effect_that_is_nearly_enough_is_named_as_nothing_would_hardly_be_bel
     first = grade.steps[0]
     one = replace(first.tried[0], gain=0.4, credit=1.0, evidence=share * asked(0.4), sureness=2.0)
 
-    def beside(study, present, everyone, so_far, *_):
+    def beside(study, present, everyone, so_far, *_, ends=False):
         return replace(first, before=present, tried=() if so_far else (one,), taken="")
 
     monkeypatch.setattr(selection, "tried_beside", beside)

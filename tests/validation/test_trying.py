@@ -18,6 +18,7 @@ from cruise.validation.search import Search
 from cruise.validation.study import Study, study
 from cruise.validation.trying import (
     MOVED,
+    leaves_only_noise,
     of_the_best_kind,
     tried_beside,
 )
@@ -123,6 +124,29 @@ def test_what_takes_nothing_or_is_far_behind_the_best_is_begun_from_nowhere_else
     _, times = trying.HOPELESS
     assert costs["grade"] == min(costs.values())
     assert 0.3 * hidden.base.fit.cost > costs["power_limit"] > times * costs["grade"], "far behind"
+
+
+def test_beside_what_leaves_only_noise_nothing_is_tried_any_more():
+    """No further effect can take the quarter of it that it would have to."""
+    pitch = wander(4 * SAMPLES, 0.5 * DT_S, 11, 2.5, 5.0)
+    load_mps = -3.4 * np.sin(np.radians(pitch))
+    sloped = drive(2 * SECONDS, 4, 0.5 * DT_S, 0.02, load_mps=load_mps, columns={"pitch_deg": pitch})
+    with few():
+        one = study([sloped], parse(PLAIN), None, PERIOD_S)
+        grade = tried(one, one.base).tried[0]
+        assert grade.name == "grade"
+        everyone, _ = candidates(one.recordings, grade.judged.explanation)
+        given = (one, grade.judged, everyone, ["grade"], np.random.default_rng(1), lambda text: None)
+        whole, ended = tried_beside(*given), tried_beside(*given, ends=True)
+    assert ended.tried == ()
+    assert ended.before.loss == pytest.approx(whole.before.loss, rel=0.02)
+    assert 0 < len(whole.tried) == len(everyone)
+    assert max(tried_one.gain for tried_one in whole.tried) < 0.1
+    assert ended.background.noise == pytest.approx(whole.background.noise, rel=0.05)
+    assert leaves_only_noise(one, ended.before)
+    assert not leaves_only_noise(one, one.base)
+    assert not leaves_only_noise(one, replace(ended.before, white=0.8 * ended.before.white)), "its past foretells it"
+    assert not leaves_only_noise(replace(one, white_mps=0.0), ended.before), "the noise is not known"
 
 
 def test_a_law_of_the_models_own_that_bent_to_stand_in_for_another_begins_anew_beside_it():

@@ -284,6 +284,12 @@ def may_be_needed(alone: Tried) -> bool:
     return _no_force(alone.name) and alone.gain >= LEAST_GAIN and alone.sureness >= SURE
 
 
+def leaves_room(present: Judged, mediator: Judged, white_mps: float) -> bool:
+    """Whether the mediator leaves so much above the white part of the speed that anything may be `needed` beside it."""
+    white = white_mps**2 if white_mps**2 < mediator.loss else 0.0  # else it is not known
+    return mediator.loss - white >= max(LEAST_GAIN * mediator.loss, NEEDED_SHARE * present.loss)
+
+
 def needed(present: Judged, mediator: Judged, alone: Tried, beside: Tried, force: float) -> bool:
     """Whether a candidate that is no force is needed whatever the forces are; tried alone and beside the mediator.
 

@@ -29,6 +29,7 @@ from cruise.validation.mediator import (
     Through,
     behind,
     least_of_a_force,
+    leaves_room,
     may_be_needed,
     needed,
     refuted,
@@ -192,7 +193,8 @@ def _said(
     mediator = next((one for one in alone if one.name in MEDIATORS), None)
     if mediator is None:
         return SILENT
-    if mediator.gain >= SHOWN and any(may_be_needed(one) for one in alone):
+    room = mediator.gain >= SHOWN and leaves_room(present, mediator.judged, study.white_mps)
+    if room and any(may_be_needed(one) for one in alone):
         others = [one for one in everyone if one.name not in MEDIATORS]
         known = _known(study.search, mediator, [one for one in alone if may_be_needed(one)], everyone)
         names = [*chosen, mediator.name]

@@ -24,6 +24,7 @@ from cruise.validation.mediator import (
     Through,
     behind,
     least_of_a_force,
+    leaves_room,
     needed,
     refuted,
 )
@@ -171,6 +172,16 @@ def test_what_is_no_force_is_not_needed_where_a_force_alone_leaves_as_little(beg
     least = least_of_a_force(present, alone)
     assert least == pytest.approx(force)
     assert needed(present, mediator, alone[0], tried("dead_zone", 0.1), least) is is_needed
+
+
+@pytest.mark.parametrize(
+    ("left", "white", "room"), [(0.3, 0.26, False), (0.3, 0.24, True), (0.9, 0.8, False), (0.3, 0.31, True)]
+)
+def test_nothing_is_needed_beside_it_where_it_leaves_little_but_noise(begun, left, white, room):
+    """A share of the present loss is asked for, and one of what it leaves; white noise that is more is none."""
+    present, mediator = (replace(begun.base, raw=share * np.ones_like(begun.base.raw)) for share in (1.0, left))
+    assert leaves_room(present, mediator, white**0.5) is room
+    assert leaves_room(present, mediator, 0.0)
 
 
 def test_a_curve_of_a_signal_that_no_force_reads_is_refuted_as_its_effects_are(begun):

@@ -138,9 +138,12 @@ def tried_beside(
 
 
 def leaves_only_noise(study: Study, present: Judged) -> bool:
-    """Whether an explanation errs by no more than the white part of the measured speed, and whitely."""
-    white = present.white_loss >= WHITE * present.loss
-    return white and present.loss <= ONLY_NOISE * study.white_mps**2
+    """Whether an explanation errs by about the white part of the measured speed, and whitely.
+
+    Far less of an error says that the spectrum's floor is the drive's own motion, and none.
+    """
+    floor, white = study.white_mps**2, present.white_loss >= WHITE * present.loss
+    return white and floor / ONLY_NOISE <= present.loss <= ONLY_NOISE * floor
 
 
 def _fitted_to_nothing(search: Search, present: Judged, one: Judged) -> Judged:

@@ -147,6 +147,7 @@ def test_beside_what_leaves_only_noise_nothing_is_tried_any_more():
     assert not leaves_only_noise(one, one.base)
     assert not leaves_only_noise(one, replace(ended.before, white=0.8 * ended.before.white)), "its past foretells it"
     assert not leaves_only_noise(replace(one, white_mps=0.0), ended.before), "the noise is not known"
+    assert not leaves_only_noise(replace(one, white_mps=2.0 * one.white_mps), ended.before), "and nor is it here"
 
 
 def test_a_law_of_the_models_own_that_bent_to_stand_in_for_another_begins_anew_beside_it():

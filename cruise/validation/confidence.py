@@ -10,7 +10,7 @@ import numpy as np
 from cruise.effects import EFFECTS
 from cruise.validation.candidates import MEDIATORS, UNNAMED
 from cruise.validation.foretold import CHANCE, LEAST_TOLD, Foretold
-from cruise.validation.judged import Judged
+from cruise.validation.judged import Judged, noise_in
 from cruise.validation.selection import FURTHER, LEAST_FURTHER, LEAST_IN_ALL, Selected, least_share
 from cruise.validation.tried import (
     ALL_OF_IT,
@@ -65,13 +65,12 @@ its answers with effects falls by 0.001 to 0.014 for three of them, and rises by
 LEAST_MARGIN: Final = 1.0  # where another does better in its place: seldom right, and not never
 
 
-def excess(hidden: Foretold, base: Judged, final: Judged, white: float = 0.0) -> float:
+def excess(hidden: Foretold, base: Judged, final: Judged, white_mps: float = 0.0) -> float:
     """What the catch-all foretells, over what it has to for something unlisted to be missing.
 
-    `white` in m2/s2 is white noise, of which nobody foretells anything: what counts is the share of the rest. Where
-    there is more than is left of the error, it is none.
+    Of white noise nobody foretells anything: what counts is the share of the rest.
     """
-    white = white if white < hidden.left else 0.0
+    white = noise_in(hidden.left, white_mps)
     least = max(LEAST_FORETOLD * (max(base.loss, hidden.left) - white), LEAST_BESIDE * (base.loss - final.loss))
     rest = hidden.share * hidden.left / (hidden.left - white) if hidden.left > 0.0 else hidden.share
     return min(rest / CHANCE, hidden.share / LEAST_TOLD, hidden.loss / least)

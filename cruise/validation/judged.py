@@ -53,6 +53,14 @@ def gain(without: Judged, with_it: Judged) -> float:
     return 1.0 - float(np.sqrt(raw * white))
 
 
+def noise_in(loss: float, white_mps: float) -> float:
+    """The white part of the measured speed, in m2/s2, within a loss that nobody can take away.
+
+    None where there is more of it than that: what errs less shows that it is the drive's own motion, and no floor.
+    """
+    return white_mps**2 if white_mps**2 < loss else 0.0
+
+
 def sureness(without: Judged, with_it: Judged, rng: np.random.Generator) -> float:
     """How many standard errors the log ratio of the losses lies below zero: bootstrap over the blocks of time."""
     both = (without.weight > 0) & (with_it.weight > 0)

@@ -53,8 +53,8 @@ def left_over(study: Study, found: Selected) -> LeftOver:
     """What the search leaves of the error."""
     hidden = _hidden(study, found)
     late = None if found.curved or found.unrecorded else _late(study, found)
-    white = 0.0 if found.chosen else study.white_mps**2  # what is left beside effects may be their form
-    told = 0.0 if late is not None else excess(hidden, found.steps[0].before, found.final, white)
+    white_mps = 0.0 if found.chosen else study.white_mps  # what is left beside effects may be their form
+    told = 0.0 if late is not None else excess(hidden, found.steps[0].before, found.final, white_mps)
     silent = not (found.curved or found.unrecorded or told > 1.0) and late is None
     error_mps, current_ma = found.final.fit.error_mps, study.search.scene.current_ma
     swings = swing(error_mps, current_ma, study.period_s) if silent and not found.chosen else Swing()

@@ -26,7 +26,7 @@ from cruise.effects import EFFECTS, Stage
 from cruise.signals import INPUT
 from cruise.validation.candidates import MEDIATORS, UNNAMED, EffectCandidate, candidates, without
 from cruise.validation.foretold import share_told
-from cruise.validation.judged import Judged
+from cruise.validation.judged import Judged, noise_in
 from cruise.validation.search import Search
 from cruise.validation.slope import PITCH
 from cruise.validation.study import Study
@@ -286,8 +286,8 @@ def may_be_needed(alone: Tried) -> bool:
 
 def leaves_room(present: Judged, mediator: Judged, white_mps: float) -> bool:
     """Whether the mediator leaves so much above the white part of the speed that anything may be `needed` beside it."""
-    white = white_mps**2 if white_mps**2 < mediator.loss else 0.0  # else it is not known
-    return mediator.loss - white >= max(LEAST_GAIN * mediator.loss, NEEDED_SHARE * present.loss)
+    left = mediator.loss - noise_in(mediator.loss, white_mps)
+    return left >= max(LEAST_GAIN * mediator.loss, NEEDED_SHARE * present.loss)
 
 
 def needed(present: Judged, mediator: Judged, alone: Tried, beside: Tried, force: float) -> bool:

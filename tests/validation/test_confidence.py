@@ -96,7 +96,7 @@ def test_what_is_foretold_counts_as_a_share_of_what_is_no_white_noise(nothing):
 
     def found(share: float, white: float, base: float = 1.0) -> float:
         one = replace(nothing.base, raw=base / nothing.base.loss * nothing.base.raw)
-        return excess(Foretold(share, max(share, 0.0), (), left=1.0), one, one, white)
+        return excess(Foretold(share, max(share, 0.0), (), left=1.0), one, one, white**0.5)
 
     assert found(0.29, 0.0) < 1.0 < found(0.31, 0.0)
     assert found(0.19, 0.4) > 1.0 > found(0.17, 0.4)

@@ -20,7 +20,7 @@ from cruise.validation.candidates import MEDIATORS, UNNAMED, Candidate, EffectCa
 from cruise.validation.credit import OF_BOTH_SPEEDS, credits_of, lingers
 from cruise.validation.explanation import Explanation
 from cruise.validation.fitting import Fit
-from cruise.validation.judged import Judged, gain, noise_in, sureness
+from cruise.validation.judged import Judged, gain, sureness
 from cruise.validation.laws import law_of
 from cruise.validation.mediator import (
     SHOWN,
@@ -138,9 +138,12 @@ def tried_beside(
 
 
 def leaves_only_noise(study: Study, present: Judged) -> bool:
-    """Whether an explanation errs by hardly more than the white part of the measured speed, and whitely."""
-    white = present.white_loss >= WHITE * present.loss
-    return white and present.loss <= ONLY_NOISE * noise_in(present.loss, study.white_mps)
+    """Whether an explanation errs by about the white part of the measured speed, and whitely.
+
+    Far less of an error says that it is no floor (`noise_in`); a little less is chance.
+    """
+    floor, white = study.white_mps**2, present.white_loss >= WHITE * present.loss
+    return white and floor / ONLY_NOISE <= present.loss <= ONLY_NOISE * floor
 
 
 def _fitted_to_nothing(search: Search, present: Judged, one: Judged) -> Judged:
